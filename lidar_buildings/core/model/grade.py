@@ -41,8 +41,6 @@ class Cause(str, Enum):
     TOO_NARROW = "too_narrow"
     #: Points are too far apart to tell where a building of this size ends.
     SPARSE = "sparse"
-    #: A corner of the roof rises above, or sinks below, all points near.
-    SPIKE = "spike"
 
 
 @dataclass(frozen=True)

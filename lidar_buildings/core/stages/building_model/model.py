@@ -18,7 +18,12 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
-from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline, repaired_outlines
+from lidar_buildings.core.solids.output_grid import (
+    GRID,
+    elevation_on_grid,
+    gridded_outline,
+    repaired_outlines,
+)
 from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece, matched_coverage
 from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
@@ -32,7 +37,7 @@ from lidar_buildings.core.stages.building_model.eaves import (
     told_of_faces,
 )
 from lidar_buildings.core.stages.building_model.grading import doubts_of, evidence_of, level_doubts
-from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
+from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.precision import (
     Sampling,
     precision_attributes,
@@ -40,7 +45,7 @@ from lidar_buildings.core.stages.building_model.precision import (
 )
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
-from lidar_buildings.core.stages.building_model.spikes import spike_doubts
+from lidar_buildings.core.stages.building_model.spikes import MARGIN, spikes_of
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
 from lidar_buildings.core.surfaces.known_ground import KnownGround
@@ -133,9 +138,15 @@ def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float, 
     return _level(*checked_roof_solid(pieces, ground, join_equal=True, coverage=coverage))
 
 
-def level_22(faces: list[RoofFacePatch], ground: float, coverage: PlanGraph) -> Level:
-    """Raise every face to its plane."""
-    return _level(*checked_roof_solid(_pieces(faces), ground, coverage=coverage))
+def level_22(
+    faces: list[RoofFacePatch], ground: float, coverage: PlanGraph, points: FloatArray, spacing: float
+) -> Level:
+    """Raise every face to its plane; no level if no point explains one of its corners."""
+    level = _level(*checked_roof_solid(_pieces(faces), ground, coverage=coverage))
+    spikes = spikes_of(level.solid, points, spacing) if level.solid is not None else ()
+    floor = elevation_on_grid(ground) + MIN_HEIGHT + GRID  # what was lower was lifted
+    far = max((abs(spike.excess) for spike in spikes if spike.xyz[2] > floor), default=0.0)
+    return Level(None, remark=f"has a corner {far + MARGIN:.1f} m off all points near") if far else level
 
 
 def _pieces(faces: list[RoofFacePatch]) -> list[RoofPiece]:
@@ -322,22 +333,21 @@ def _finer_levels(
         steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
         ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
         planes, lines = _distinct_planes(roof), (steps, ridges)
-        known = (roof.outline, roof.points, planes, lines, roof.spacing, config)
+        floor = roof.ground + MIN_HEIGHT
+        known = (roof.outline, roof.points, planes, lines, roof.spacing, config, floor)
         faces = partition_outline(*known)
-        faces = with_level_ends(faces, roof.points, roof.spacing)
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, elevation_on_grid(roof.ground + MIN_HEIGHT))
         coverage = matched_coverage(_pieces(faces), np.arange(len(faces)))
         # A roof in one part is the same at both levels.
         parts = level_13(faces, tops, roof.ground, coverage) if any(face.part for face in faces) else lowest
-        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground, coverage)}
+        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground, coverage, roof.points, roof.spacing)}
         main = partition_outline(*known, is_main=True) if config.main_roof else []
         if main:
-            main = with_level_ends(main, roof.points, roof.spacing)
             main = min(main, faces, key=len)  # planes that run on may cut one another into more faces
             covered = matched_coverage(_pieces(main), np.arange(len(main)))
-            levels[LOD20] = level_22(main, roof.ground, covered)
+            levels[LOD20] = level_22(main, roof.ground, covered, roof.points, roof.spacing)
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
         return {}, {}, f"the roof could not be divided into faces: {error!r}"
@@ -349,7 +359,7 @@ def _finer_levels(
             levels[LOD23] = replace(_level(eaves.solid, eaves.codes), eaves=eaves)
             by_level[LOD23] = eaves.faces
     missing = [
-        f"LoD{lod} fails checks {', '.join(map(str, level.codes))}"
+        f"LoD{lod} {level.remark or 'fails checks ' + ', '.join(map(str, level.codes))}"
         for lod, level in levels.items()
         if level.solid is None
     ]
@@ -383,8 +393,6 @@ def _finished(
     quality = measure_model(faces[measured], solids[measured], roof.points, roof.outline, roof.spacing)
     evidence = evidence_of(roof.points, roof.outline, roof.spacing, quality.support)
     doubts = [*level_doubts(measured, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
-    if measured == LOD22:
-        doubts += spike_doubts(solids[measured], roof.points, roof.spacing)
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)

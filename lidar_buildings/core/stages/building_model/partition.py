@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
-import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
-from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_of
-from lidar_buildings.core.solids.plan_graph import cut_at, rings_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
-    ABOVE,
-    AROUND,
-    heights_near,
     plane_costs,
     point_weights,
 )
@@ -33,6 +26,7 @@ from lidar_buildings.core.stages.building_model.cells import (
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
+from lidar_buildings.core.stages.building_model.spikes import Limits
 
 
 def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
@@ -84,134 +78,12 @@ def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no
     return parent
 
 
-#: What a roof may lie above or below the points around, beside what the spacing explains [m].
-_OFF = 0.5
-#: A point so near to its face agrees with it [m]; so many of them tell how far its plane holds.
-_AGREES, _LEAST_POINTS = 0.3, 3
-#: A plane whose points reach no further along its slope, as a standard deviation, has none [spacings].
-_LEAST_REACH = 0.5
-#: A plane holds so far beyond the points that agree with it [spacings]; smaller pieces beside them stay [m²].
-_PAST, _LEAST_AREA = 1.5, 0.2
-#: A plane of a lower slope is level.
-_FLAT = 1e-6
-
-
-def with_level_ends(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
-    """
-    Cut off what rises above, or sinks below, all points around, as where a slope of a roof has none.
-
-    A plane is good where its points are, and for a spacing beyond. There the roof is level: at the height of
-    the last point, or of what is seen around. A plane that hardly more than one row of points tells has no
-    spacing beyond, as nothing says how steep it is. Points rise by y.
-    """
-    planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
-    sizes = np.array([len(ring) for ring in exteriors])
-    xy, own = np.concatenate(exteriors), np.repeat(planes, sizes, axis=0)
-    z = np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2]
-    slack = spacing * np.array([_steepness(face, points, spacing) for face in faces])
-    low, high = _ends_around(xy, points, spacing)
-    high = np.minimum(high, points[:, 2].max())  # where nothing is near
-    margin = _OFF + np.repeat(slack, sizes)
-    first = np.cumsum(sizes) - sizes
-    off = np.column_stack(
-        [np.logical_or.reduceat(one, first) for one in (z > high + margin, z < low - margin)]
-    )
-    found: list[RoofFacePatch] = []
-    for face, reach, ends in zip(faces, slack.tolist(), off.tolist(), strict=True):
-        found += _levelled(face, points, spacing, reach, ends) if any(ends) else [face]
-    return found
-
-
-def _steepness(face: RoofFacePatch, points: FloatArray, spacing: float) -> float:
-    """Return the slope of a face, 0 where its points do not tell any."""
-    slope = float(np.hypot(*face.plane[:2]))
-    if slope < 1.0 or not len(face.rows):
-        return slope if slope < 1.0 else 0.0
-    along = points[face.rows, :2] @ (face.plane[:2] / slope)
-    return slope if along.std() > _LEAST_REACH * spacing else 0.0
-
-
-def _levelled(
-    face: RoofFacePatch, points: FloatArray, spacing: float, slack: float, is_off: list[bool]
-) -> list[RoofFacePatch]:
-    """Return the pieces of a face up to its highest, down to its lowest own point, and level ones beyond."""
-    low, high = _ends_around(face.rings[0], points, spacing)
-    z = face.rings[0] @ face.plane[:2] + face.plane[2]
-    if not (is_off[0] or ((z > high + _OFF + slack) | (z < low - _OFF - slack)).any()):
-        return [face]
-    own = points[face.rows]
-    z = own[:, :2] @ face.plane[:2] + face.plane[2]
-    agrees = np.abs(own[:, 2] - z) <= _AGREES
-    if np.count_nonzero(agrees) < _LEAST_POINTS:
-        return [_level(face.rings, points, spacing, face)]
-    ends, rest = [], [face.rings]
-    limits = (z[agrees].max() + ABOVE + slack, z[agrees].min() - ABOVE - slack)
-    is_sloping = np.hypot(*face.plane[:2]) > _FLAT
-    for inside, (end, is_beyond) in enumerate(zip(limits[::-1], is_off[::-1], strict=True)):
-        if is_beyond and is_sloping:  # what is above the lower end is inside, and what is below the upper one
-            cuts = [cut_at(rings, face.plane, end) for rings in rest]
-            rest = [rings for cut in cuts for rings in cut[inside]]
-            ends += [(rings, end) for cut in cuts for rings in cut[1 - inside]]
-    kept: list[tuple[FloatArray, ...]] = []
-    for rings in rest:
-        inner, outer = _parted(rings, face.plane, own[agrees, :2], points, spacing, slack)
-        kept += inner
-        ends += [(part, None) for part in outer]
-    pieces = [
-        replace(face, rings=rings, rows=face.rows if not k else face.rows[:0]) for k, rings in enumerate(kept)
-    ]
-    return pieces + [_level(rings, points, spacing, face, end, bool(pieces)) for rings, end in ends]
-
-
-def _parted(
-    rings: tuple[FloatArray, ...],
-    plane: FloatArray,
-    seen: FloatArray,
-    points: FloatArray,
-    spacing: float,
-    slack: float,
-) -> tuple[list[tuple[FloatArray, ...]], list[tuple[FloatArray, ...]]]:
-    """Part from a face what lies beside the points that agree with it and has vertices off those around."""
-    z = rings[0] @ plane[:2] + plane[2]
-    low, high = _ends_around(rings[0], points, spacing)
-    off = shapely.multipoints(rings[0][(z > high + _OFF + slack) | (z < low - _OFF - slack)])
-    if off.is_empty:
-        return [rings], []
-    around = shapely.oriented_envelope(shapely.multipoints(seen)).buffer(_PAST * spacing, join_style="mitre")
-    (whole,) = made_valid(np.array([shapely.Polygon(rings[0], rings[1:])], dtype=object))
-    beside = [one for one in polygons_of(whole.difference(around)) if one.area >= _LEAST_AREA]
-    beside = [one for one in beside if shapely.distance(one, off) < GRID]
-    inner = polygons_of(whole.difference(shapely.union_all(beside))) if beside else []
-    if not inner:
-        return [rings], []
-    return [rings_of(one) for one in inner if not one.is_empty], [rings_of(one) for one in beside]
-
-
-def _ends_around(places: FloatArray, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and the highest point within some spacings of each place, infinite without any."""
-    low, high = heights_near(places, points, AROUND * spacing)
-    return np.where(low > high, -np.inf, low), np.where(low > high, np.inf, high)
-
-
-def _level(
-    rings: tuple[FloatArray, ...],
-    points: FloatArray,
-    spacing: float,
-    face: RoofFacePatch,
-    end: float | None = None,
-    is_rest: bool = False,
-) -> RoofFacePatch:
-    """Return a level face, within what is seen around all its vertices, near an elevation if there is one."""
-    low, high = _ends_around(rings[0], points, spacing)
-    lowest, highest = float(low.max()) - _AGREES, float(high.min()) + _AGREES
-    if end is None:
-        known = low[np.isfinite(low)], high[np.isfinite(high)]
-        end = 0.5 * (known[0].min() + known[1].max()) if len(known[0]) else points[:, 2].max() + ABOVE
-        z = min(max(end, lowest), highest) if lowest <= highest else 0.5 * (lowest + highest)
-    else:
-        z = min(max(end, lowest), highest) if lowest <= highest else end
-    rows = face.rows[:0] if is_rest else face.rows
-    return replace(face, rings=rings, plane=np.array([0.0, 0.0, float(z)]), rows=rows)
+#: Rounds in which a roof is divided until points explain all its corners, at most.
+_MOST_ROUNDS = 16
+#: A plane that is not allowed over a cell costs so much there [m³], more than a face that is too small.
+_NOT_ALLOWED = 1e7
+#: A point so near to its plane agrees with it [m].
+_AGREES = 0.3
 
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces; below 0.07 m³ a corner,
@@ -273,6 +145,7 @@ def partition_outline(
     lines: tuple[FloatArray, FloatArray],
     spacing: float,
     config: BuildingModelConfig,
+    floor: float = -math.inf,
     *,
     is_main: bool = False,
 ) -> list[RoofFacePatch]:
@@ -283,28 +156,51 @@ def partition_outline(
     plane that fits the points best at the least length of borders and number of corners; cells of one plane
     are joined. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out
     what stands on the roof.
+
+    Where a corner of a face leaves what points near explain (`Limits`), its plane may not be there: the cell
+    is cut between the points that agree and the corner, or gets a level roof, and all are divided again. No
+    roof lies below `floor` [m] where no point does.
     """
     cuts = lines[0][:0]
     if len(planes) > 1:
         segments = np.concatenate([*lines, *map(_reentrant_walls, outline.rings)])
         cuts = extend_segments(segments, ring_walls(outline.rings), len(lines[0]))
-    cells = cut_into_cells(outline, cuts)
-    cell = cells_of_points(cells, points)
     weights = point_weights(points, outline.exterior, spacing)
-    costs = plane_costs(points, weights, cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
-    labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
-    if is_main:
-        costs = _without_superstructures(cells, labels, costs, planes)
-        labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
-    face = join_equal_cells(cells, labels)
-    rings = face_rings(cells, face, outline)
-    own = np.empty((len(rings), 3))
-    own[face] = planes[labels]
-    part = parts_of_one_height(cells, face, own, config.min_part_step).tolist()
+    limits, left = Limits(points, spacing, floor), np.empty((0, 3))
+    for _ in range(_MOST_ROUNDS):
+        cells = cut_into_cells(outline, cuts)
+        cell = cells_of_points(cells, points)
+        costs = plane_costs(points, weights, cell, cells, planes, spacing)
+        not_allowed = limits.not_allowed(cells, planes, left)
+        costs[not_allowed] = _NOT_ALLOWED
+        labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
+        if is_main:
+            costs = _without_superstructures(cells, labels, costs, planes)
+            costs[not_allowed] = _NOT_ALLOWED
+            labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
+        face, own = join_equal_cells(cells, labels), planes[labels]
+        rings = face_rings(cells, face, outline)
+        at, corners = limits.corners_left(cells, own, np.concatenate(list(chain(*rings))))
+        if not len(at):
+            break
+        left = np.concatenate([left, corners])
+        for c, corner in zip(at.tolist(), corners[:, :2], strict=True):
+            over = points[cell == c]
+            agrees = np.abs(over[:, :2] @ own[c, :2] + own[c, 2] - over[:, 2]) <= _AGREES
+            heights: list[float] = []
+            polygon = cells.polygons[c]
+            new = limits.cut_off(polygon, over[agrees, :2], corner) if agrees.any() else []
+            if not new:
+                new, heights = limits.level(polygon, over, left)
+            cuts = np.concatenate([cuts, *(one[None] for one in new)])
+            planes = np.concatenate([planes, *([[0.0, 0.0, z]] for z in heights)])
+    of_face = np.empty((len(rings), 3))
+    of_face[face] = own
+    part = parts_of_one_height(cells, face, of_face, config.min_part_step).tolist()
     of_faces, first = rows_by_group(1 + np.append(face, -1)[cell], len(rings) + 1)
     rows = [of_faces[begin:end] for begin, end in pairwise(first[1:].tolist())]
-    return [RoofFacePatch(*each) for each in zip(rings, own, rows, part, strict=True) if each[0]]
+    return [RoofFacePatch(*each) for each in zip(rings, of_face, rows, part, strict=True) if each[0]]
 
 
 def _reentrant_walls(ring: FloatArray) -> FloatArray:

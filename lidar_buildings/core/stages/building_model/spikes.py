@@ -1,4 +1,4 @@
-"""Corners of roofs that no point explains."""
+"""Corners of roofs that no point explains, and what keeps roofs from them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.grade import Cause, Doubt
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, area_vector
-from lidar_buildings.core.stages.building_model.cell_costs import AROUND, heights_near
+from lidar_buildings.core.stages.building_model.cell_costs import AROUND, STEEP, heights_near
+from lidar_buildings.core.stages.building_model.cells import Cells
 
 #: A corner may lie so far above or below the points around, besides slope × spacing [m].
 MARGIN = 0.5
@@ -51,14 +54,127 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
             yield Spike((x, y, z), excess, slope)
 
 
-#: A corner that lies so much beyond that is wrong, also where little of the roof is [m]. Of virtual and drawn
-#: roofs with such a corner (seeds 901, 903) 28 of 31 are off on more than 5 % of their plan.
-_MOST_EXCESS = 1.0
+#: What is kept of the margin, and of how far points are near, as vertices are rounded [m].
+_ROUNDING, _MOVED = 0.02, 0.004
+#: Corners of faces at one place and nearer in height are one [m].
+_ONE_HEIGHT = 0.01
+#: Cuts run on so far behind the border of a cell, and are so far from what they part at least [m].
+_PAST, _LEAST_GAP = 0.005, 0.05
+#: A cell so near to a place has it as a corner [steps of the grid].
+_NEAR = 2.0
+#: Cuts are tried at these shares of the way, from the middle on.
+_TRIED = np.array(sorted(np.linspace(0.0, 1.0, 33)[1:-1], key=lambda share: abs(share - 0.5)))
 
 
-def spike_doubts(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Doubt]:
-    """Yield a doubt where a corner of a roof rises above, or sinks below, all points near."""
-    excess = max((spike.excess for spike in spikes_of(solid, points, spacing)), key=abs, default=0.0)
-    if abs(excess) > _MOST_EXCESS:
-        side, far = "above" if excess > 0.0 else "below", abs(excess) + MARGIN
-        yield Doubt(Cause.SPIKE, f"a corner of the roof lies {far:.1f} m {side} all points near")
+class Limits(NamedTuple):
+    """How high and how low corners of a roof may be."""
+
+    points: FloatArray  #: on the roof, shape (n_points, 3), by rising y [m]
+    spacing: float  #: [m]
+    floor: float  #: no roof lies lower, but where points do [m]
+
+    def ends(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
+        z = self.points[:, 2]
+        low, high = np.full(len(places), z.min()), np.full(len(places), z.max())
+        for moved in (_MOVED, 0.0, -_MOVED):
+            lowest, highest = heights_near(places, self.points, AROUND * self.spacing + moved)
+            is_near = lowest <= highest
+            low[is_near], high[is_near] = lowest[is_near], highest[is_near]
+        return low - MARGIN + _ROUNDING, high + MARGIN - _ROUNDING
+
+    def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
+        """Tell which roofs of a height and a slope no point explains, both (n,) or (n_roofs, n)."""
+        low, high = self.ends(places)
+        rise = self.spacing * np.minimum(slope, STEEP)
+        lowest = np.where(low > self.floor, np.maximum(low - rise, self.floor), low - rise)
+        return np.asarray((z > high + rise) | (z < lowest))
+
+    def not_allowed(self, cells: Cells, planes: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
+        """Tell which planes no point explains at a corner (x, y, slope) of a cell, (n_cells, n_planes)."""
+        places, slope = corners[:, :2], np.hypot(planes[:, 0], planes[:, 1])[:, None]
+        z = planes[:, :2] @ places.T + planes[:, 2:]
+        left = self.are_left(places, z, np.minimum(slope, corners[:, 2]))
+        found = np.zeros((len(cells), len(planes)), np.bool_)
+        corner, cell = shapely.STRtree(cells.polygons).query(
+            shapely.points(places / GRID), predicate="dwithin", distance=_NEAR
+        )
+        np.logical_or.at(found, cell, left.T[corner])
+        return found
+
+    def corners_left(self, cells: Cells, planes: FloatArray, kept: FloatArray) -> tuple[IntArray, FloatArray]:
+        """
+        Return the cells at which corners of faces lie where no point explains them, and x, y and slope there.
+
+        `planes` (n_cells, 3) are the cells' own, `kept` (n, 2) the vertices of faces. Where planes cross on a
+        border there is a corner, too; at one that faces share the least of their slopes counts.
+        """
+        vertex, cell = cells.borders[:, [0, 0, 1, 1]].ravel(), cells.sides[:, [0, 1, 0, 1]].ravel()
+        keys, of_faces = (np.rint(xy / GRID) @ (1.0, 1j) for xy in (cells.vertices, kept))
+        is_corner = (cell >= 0) & np.isin(keys, of_faces)[vertex]
+        vertex, cell = np.unique(np.column_stack([vertex, cell])[is_corner], axis=0).T
+        places = cells.vertices[vertex]
+        sides = cells.sides[(cells.sides >= 0).all(axis=1)]
+        ends = cells.vertices[cells.borders[(cells.sides >= 0).all(axis=1)]]
+        apart = planes[sides[:, 0]] - planes[sides[:, 1]]
+        apart = np.einsum("ij,ikj->ik", apart[:, :2], ends) + apart[:, 2:]
+        crosses = apart[:, 0] * apart[:, 1] < 0.0
+        share = apart[crosses, :1] / (apart[crosses, :1] - apart[crosses, 1:])
+        between = ends[crosses, 0] + share * (ends[crosses, 1] - ends[crosses, 0])
+        vertex = np.append(vertex, np.repeat(len(cells.vertices) + np.arange(len(between)), 2))
+        cell, places = (
+            np.append(cell, sides[crosses]),
+            np.concatenate([places, np.repeat(between, 2, axis=0)]),
+        )
+        own = planes[cell]
+        z, slope = np.einsum("ij,ij->i", own[:, :2], places) + own[:, 2], np.hypot(own[:, 0], own[:, 1])
+        order = np.lexsort((z, vertex))
+        is_first = np.diff(vertex[order], prepend=-1) > 0
+        is_first |= np.diff(z[order], prepend=-np.inf) > _ONE_HEIGHT
+        slope[order] = np.minimum.reduceat(slope[order], np.flatnonzero(is_first))[np.cumsum(is_first) - 1]
+        left = self.are_left(places, z, slope)
+        return cell[left], np.column_stack([places, slope])[left]
+
+    def level(
+        self, cell: shapely.Polygon, points: FloatArray, left: FloatArray
+    ) -> tuple[list[FloatArray], list[float]]:
+        """Return segments that cut a cell, or a height allowed at its corners, and those left [m]."""
+        is_its = shapely.dwithin(cell, shapely.points(left[:, :2] / GRID), _NEAR)
+        ring = np.concatenate([shapely.get_coordinates(cell) * GRID, left[is_its, :2]])
+        lows, highs = self.ends(ring)
+        low, high = float(lows.max()), float(highs.min())
+        if low > high:
+            return self.cut_off(cell, ring[[np.argmax(lows)]], ring[np.argmin(highs)]), []
+        return [], [float(np.clip(np.median(points[:, 2]) if len(points) else 0.5 * (low + high), low, high))]
+
+    def cut_off(self, cell: shapely.Polygon, seen: FloatArray, corner: FloatArray) -> list[FloatArray]:
+        """
+        Return segments (2, 2) that part a corner of a cell from places seen, along the edge that does best.
+
+        They end where the heights of points near differ most: there a step may be. None if no edge does.
+        """
+        ring = shapely.get_coordinates(cell.exterior) * GRID
+        along = np.diff(ring, axis=0)
+        out = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+        out = np.concatenate([out, -out])
+        last = (seen @ out.T).max(axis=0)
+        gaps = out @ corner - last
+        best = int(np.argmax(gaps))
+        if gaps[best] < _LEAST_GAP:
+            return []
+        to, across = out[best], np.array([-out[best, 1], out[best, 0]])
+        at = last[best] + gaps[best] * _TRIED
+        size, middle = np.ptp(ring, axis=0).sum() * across, ring.mean(axis=0)
+        middles = middle + (at - middle @ to)[:, None] * to
+        lines = shapely.linestrings(np.stack([middles - size, middles + size], axis=1) / GRID)
+        found: list[FloatArray] = []
+        widest = -np.inf
+        for line in shapely.intersection(cell, lines):
+            parts = [
+                shapely.get_coordinates(one) * GRID for one in shapely.get_parts(line) if one.length > 1.0
+            ]
+            low, high = self.ends(np.array(parts).reshape(-1, 2))
+            if parts and (high - low).min() > widest:
+                widest, found = (high - low).min(), parts
+        past = _PAST * np.array([-across, across])
+        return [one + (past if (one[1] - one[0]) @ across > 0.0 else -past) for one in found]

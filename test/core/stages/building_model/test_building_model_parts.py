@@ -23,7 +23,6 @@ from lidar_buildings.core.stages.building_model.quality import (
     distance_to_surface,
     outline_support,
 )
-from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -189,37 +188,29 @@ def test_faces_that_meet_are_one_part_and_a_step_that_is_high_in_the_mean_makes_
     assert partition.parts_of_one_height(cells, order, planes, 1.01).tolist() == [0, 0]
 
 
-def test_a_plane_is_cut_off_level_where_it_rises_above_all_that_was_seen():
-    points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
-    slope = RoofFacePatch((SQUARE,), np.array([1.0, 0.0, 0.0]), np.arange(3), 7)
-    sloping, above = partition.with_level_ends([slope], points, 0.5)
-    # A margin of 0.3 m, and half a metre more at this slope and spacing.
-    assert shapely.Polygon(sloping.rings[0]).bounds == pytest.approx((0.0, 0.0, 6.8, 10.0))
-    assert (sloping.rows.tolist(), sloping.part) == ([0, 1, 2], 7)
-    assert shapely.Polygon(above.rings[0]).bounds == pytest.approx((6.8, 0.0, 10.0, 10.0))
-    assert above.plane == pytest.approx([0.0, 0.0, 6.8])
-    assert (len(above.rows), above.part) == (0, 7)
-    assert partition.with_level_ends([slope], points + np.array([0.0, 0.0, 4.0]), 0.5) == [slope]
+def divided(points, plane):
+    no_lines = np.empty((0, 2, 2))
+    planes = np.array([plane])
+    config = BuildingModelConfig()
+    return partition.partition_outline(Outline(SQUARE), points, planes, (no_lines, no_lines), 0.5, config)
 
 
-def test_a_plane_is_cut_off_level_where_the_points_beside_a_corner_lie_below_it():
+def test_a_plane_ends_where_all_points_near_lie_below_it():
     x, y = np.meshgrid(np.arange(0.25, 10.0, 0.5), np.arange(0.25, 10.0, 0.5))
-    points = np.column_stack([x.ravel(), y.ravel(), np.minimum(x, 10.0 - x).ravel()])
-    slope = RoofFacePatch((SQUARE,), np.array([1.0, 0.0, 0.0]), np.arange(len(points)))
-    sloping, level = partition.with_level_ends([slope], points, 0.5)
-    assert shapely.Polygon(sloping.rings[0]).bounds == pytest.approx((0.0, 0.0, 5.55, 10.0))
-    assert level.plane[:2].tolist() == [0.0, 0.0]
-    assert level.plane[2] < 6.0
+    points = np.column_stack([x.ravel(), y.ravel(), np.where(x < 6.0, x, 1.0).ravel()])
+    sloping, level = sorted(divided(points, [1.0, 0.0, 0.0]), key=lambda face: -abs(face.plane[0]))
+    assert sloping.plane.tolist() == [1.0, 0.0, 0.0]
+    assert shapely.Polygon(sloping.rings[0]).bounds[2] == pytest.approx(6.0, abs=1.5)
+    assert level.plane == pytest.approx([0.0, 0.0, 1.0])
+    assert len(sloping.rows) + len(level.rows) == len(points)
 
 
-def test_a_steep_plane_through_one_row_goes_no_spacing_beyond_its_points():
+def test_a_steep_plane_through_one_row_goes_little_beyond_its_points():
     points = np.column_stack([np.full(9, 5.0), np.arange(9.0) + 0.5, np.full(9, 3.0)])
-    points[:, 0] += np.arange(9) % 2 * 0.01
     points[:, 2] += np.arange(9) % 2 * 0.2
-    steep = RoofFacePatch((SQUARE,), np.array([20.0, 0.0, -97.0]), np.arange(9))
-    for face in partition.with_level_ends([steep], points, 1.0):
+    for face in divided(points, [20.0, 0.0, -97.0]):
         z = face.rings[0] @ face.plane[:2] + face.plane[2]
-        assert z.max() <= 3.2 + 0.6
+        assert z.max() <= 3.2 + 0.5 + 1.8 * 0.5
 
 
 def test_points_share_the_squares_of_a_spacing_and_those_beside_the_outline_stand_for_none():

@@ -45,7 +45,7 @@ def test_small_gaps_and_noise_are_no_reason():
 
 def test_points_that_no_plane_was_found_for_are_off_as_one_surface():
     scene = model_scene("flat")
-    raised = scene.points + np.array([0.0, 0.0, 2.0]) * (along(scene.points) > 0.8)[:, None]
+    raised = scene.points + np.array([0.0, 0.0, 2.0]) * (np.abs(along(scene.points) - 0.5) < 0.1)[:, None]
     planes = np.ones(len(raised), dtype=np.uint16)
     model = build_model(raised, scene.outline, plane_id=planes, ground_elevation=GROUND)
     assert "off_points" in causes_in(model.attributes["quality_reasons"])
