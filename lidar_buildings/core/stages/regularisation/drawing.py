@@ -92,14 +92,16 @@ def _joined(lines: list[_Line], angle: float, fit: Fit) -> list[_Line]:
 
 def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> WalledRing:
     """
-    Move walls from the bearing points to the middle of all points on them.
+    Move walls from the bearing points to where as many points on them lie outside as inside.
 
-    Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
-    all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
+    Walls are found by the points that bear the ring, the outermost ones; the line through all points of a
+    wall, as Sampath & Shan (2007) adjust it, lies inside. A median, other than least squares, stays where it
+    is for a tree that touches the wall or a notch in it.
     """
-    offsets = _mean_offsets(
-        samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:2], walled.shape
-    )
+    if samples.bears.all():  # as published, walls go through all of them
+        return offset_outwards(samples, walled, fit, 0.0)
+    rows = samples.is_on_wall, samples.rows, len(samples.points)
+    offsets = _median_offsets(samples.ring, *rows, *walled[:2], walled.shape)
     return _drawn_anew(samples, walled, fit, offsets)
 
 
@@ -119,8 +121,8 @@ def _drawn_anew(
 
 
 @kernel
-def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # type: ignore[no-untyped-def]
-    """Return how far outside each wall its points lie in the mean, negative inside [m]."""
+def _median_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # type: ignore[no-untyped-def]
+    """Return how far outside each wall half of its points lie, negative inside [m]."""
     n = len(ring)
     offsets = np.zeros(len(first))
     for i in range(len(first)):
@@ -130,13 +132,9 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # typ
         n_rows = (end - row) % n + 1
         if n_rows == 1 and 2 * (last[i] - first[i]) > n_samples:  # all round, and begun within an edge
             n_rows = n
-        total, count = 0.0, 0
-        for k in range(row, row + n_rows):
-            if is_on_wall[k % n]:
-                total += offset_of(shape[i], dx, dy, ring[k % n, 0], ring[k % n, 1])
-                count += 1
-        if count:
-            offsets[i] = total / count
+        own = [ring[k % n] for k in range(row, row + n_rows) if is_on_wall[k % n]]
+        if len(own) > 0:
+            offsets[i] = np.median(np.array([offset_of(shape[i], dx, dy, one[0], one[1]) for one in own]))
     return offsets
 
 

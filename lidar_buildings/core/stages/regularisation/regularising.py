@@ -39,7 +39,7 @@ _MIN_RING_POINTS = 5
 #: Shortest wall and chord [finest spacings].
 _SHORTEST_WALL = 4.0
 #: Walls through the points lie so far inside the roof's edge, measured on virtual roofs [spacings].
-_INSIDE = 0.33
+_INSIDE = 0.29
 
 
 @dataclass(frozen=True, eq=False)
