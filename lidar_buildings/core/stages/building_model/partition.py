@@ -91,7 +91,7 @@ _AGREES = 0.3
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
 _BORDER_COST = 0.15
 #: Cost of a corner [m³].
-_CORNER_COST = 0.075
+_CORNER_COST = 0.1
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
 
@@ -185,6 +185,11 @@ def partition_outline(
         if not len(at):
             break
         left = np.concatenate([left, corners])
+        # Faces stay as they are, but for the cells at these corners.
+        sides = labels[cells.sides]
+        is_cut = (cells.sides >= 0).all(axis=1)
+        is_cut &= (sides[:, 0] != sides[:, 1]) | np.isin(cells.sides, at).any(axis=1)
+        cuts = cells.vertices[cells.borders[is_cut]]
         for c, corner in zip(at.tolist(), corners[:, :2], strict=True):
             over = points[cell == c]
             agrees = np.abs(over[:, :2] @ own[c, :2] + own[c, 2] - over[:, 2]) <= _AGREES

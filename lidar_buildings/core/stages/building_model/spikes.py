@@ -167,14 +167,15 @@ class Limits(NamedTuple):
         size, middle = np.ptp(ring, axis=0).sum() * across, ring.mean(axis=0)
         middles = middle + (at - middle @ to)[:, None] * to
         lines = shapely.linestrings(np.stack([middles - size, middles + size], axis=1) / GRID)
-        found: list[FloatArray] = []
-        widest = -np.inf
-        for line in shapely.intersection(cell, lines):
-            parts = [
-                shapely.get_coordinates(one) * GRID for one in shapely.get_parts(line) if one.length > 1.0
-            ]
-            low, high = self.ends(np.array(parts).reshape(-1, 2))
-            if parts and (high - low).min() > widest:
-                widest, found = (high - low).min(), parts
+        whole, number = shapely.get_parts(shapely.intersection(cell, lines), return_index=True)
+        whole, number = whole[shapely.length(whole) > 1.0], number[shapely.length(whole) > 1.0]
+        if not len(whole):
+            return []
+        parts = shapely.get_coordinates(whole).reshape(-1, 2, 2) * GRID
+        low, high = self.ends(parts.reshape(-1, 2))
+        apart = np.full(len(lines), np.inf)
+        np.minimum.at(apart, np.repeat(number, 2), high - low)
+        apart[np.isinf(apart)] = -np.inf
+        found = parts[number == np.argmax(apart)]
         past = _PAST * np.array([-across, across])
         return [one + (past if (one[1] - one[0]) @ across > 0.0 else -past) for one in found]

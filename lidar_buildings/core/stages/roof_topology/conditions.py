@@ -30,7 +30,7 @@ _POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.03, 0.01, 0.01
 _ACROSS_DEG = 20.0
 
 #: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
-_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
+_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 3.0
 #: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
 _SAME_POINT = 3.0
 #: Planes miss their common point by no more than this, root mean square [m].
