@@ -156,7 +156,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
                 length += cell * (abs(uy) if upright[rows[at]] else abs(ux))
             if length < _LEAST_LENGTH * spacing:
                 continue
-            votes = 0
+            votes = 0.0
             for at in range(low, high + 1):
                 k = rows[at]
                 on_line[k] = True
@@ -178,8 +178,8 @@ def _all_pieces(  # type: ignore[no-untyped-def]
 
 @inner_kernel
 def _beside(place, k, fx, fy, ux, uy):  # type: ignore[no-untyped-def]
-    """Return on which side of a line a place lies: 1 to the left, -1 to the right."""
-    return 1 if ux * (place[k, 1] - fy) > uy * (place[k, 0] - fx) else -1
+    """Return how far to the left of a line a place lies [m]."""
+    return ux * (place[k, 1] - fy) - uy * (place[k, 0] - fx)
 
 
 #: Further planes whose lines end within so many spacings of a common point may pass it, too.
