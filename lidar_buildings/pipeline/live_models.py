@@ -21,6 +21,10 @@ from lidar_buildings.core.solids.triangulation import face_arrays
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.model import LOD22
 from lidar_buildings.core.stages.building_model.precision import (
+    DECIMALS,
+    NO_PLANE,
+    TURN,
+    WALL_BIAS,
     Conditions,
     corner_covariances,
     precision_attributes,
@@ -36,8 +40,8 @@ PROVISIONAL = "provisional"
 _ROUGH, _LEAST_NEAR = 3.0, 0.1
 #: Faces of one plane, and walls of one line, are so near to it [m]; these turn by less (cosine).
 _SAME, _PARALLEL = 0.02, 0.9999
-#: A plane of fewer points stays as it was; what it is off by [m].
-_FEWEST, _NO_PLANE = 8, 0.3
+#: A plane of fewer points stays as it was.
+_FEWEST = 8
 #: Planes meet at a corner to this [m]; more of them than these meet at a point by a condition alone.
 _MEET, _AT_A_POINT = 0.01, 3
 #: A quarter of the rows of points end this much before a wall, as a share of their mean gap, which has an
@@ -45,15 +49,10 @@ _MEET, _AT_A_POINT = 0.01, 3
 _QUARTER, _GAP, _GAP_SIGMA = 0.25, 0.2877, 0.5774
 #: Points so near to a wall tell of it [spacings], unless it lies elsewhere by more standard deviations.
 _REACH, _SIGNIFICANT = 2.0, 3.0
-#: What all of a wall is off by: its direction and what it ends at stay [spacings].
-_WALL_BIAS = 0.06
-#: Walls fix a corner in plan that turn by more: square of the sine of 15°.
-_TURN = 0.067
 #: Keeps what nothing fixes where it was [1/m²].
 _LOOSE = 1e-3
 #: Least share of new points for which a model is solved again.
 _NEW = 0.05
-_DECIMALS = 3
 #: Roofs that are remembered: those of the tiles that came last (20 kB each).
 _MOST = 10_000
 _log = logging.getLogger(__name__)
@@ -158,11 +157,11 @@ class LiveRoof:
         if check_solid(solid):
             return replace(self.built, attributes=self.built.attributes | new)
         covariance = corner_covariances(conditions, len(vertices), self._spacing)
-        sigmas = np.sqrt(np.einsum("kii->ki", covariance)).round(_DECIMALS).tolist()
+        sigmas = np.sqrt(np.einsum("kii->ki", covariance)).round(DECIMALS).tolist()
         faces = self._face[np.concatenate([roof, wall])]
         square = np.bincount(faces, conditions.sigma**2, len(solid.faces))
         across = np.sqrt(square / np.maximum(np.bincount(faces, minlength=len(solid.faces)), 1))
-        columns = self._told, solid.faces, across.round(_DECIMALS).tolist()
+        columns = self._told, solid.faces, across.round(DECIMALS).tolist()
         told = tuple(_retold(*each, sigmas) for each in zip(*columns, strict=True))
         old = self.built.model
         model = replace(old, solids={**old.solids, LOD22: solid}, of_faces={**old.of_faces, LOD22: told})
@@ -186,7 +185,7 @@ class LiveRoof:
         is_kept = ~free.roof | (free.counts < _FEWEST)
         found[is_kept] = self._planes[is_kept]
         found[is_kept, 2] += found[is_kept, :2] @ centre[:2] - centre[2]
-        covariances[is_kept] = np.diag([0.0, 0.0, _NO_PLANE**2])
+        covariances[is_kept] = np.diag([0.0, 0.0, NO_PLANE**2])
         about = moved_origin(covariances, -free.mean)
         conditions = list(self._conditions(xy - centre[:2], is_fixed))
         joint = Adjustment(free, np.full(len(found), -1), found, about).under(conditions)
@@ -229,7 +228,7 @@ class LiveRoof:
             if before > 0.0 and move**2 < _SIGNIFICANT**2 * (before + now):
                 moves[own] = move * before / (before + now)
                 chance = before * now / (before + now)
-                variances[own] = bias**2 + (_WALL_BIAS * self._spacing) ** 2 + chance
+                variances[own] = bias**2 + (WALL_BIAS * self._spacing) ** 2 + chance
         return moves, variances
 
 
@@ -279,7 +278,7 @@ def _fixed_by_walls(walls: Conditions, off: FloatArray, n_vertices: int) -> tupl
     """Return which corners walls that turn fix in plan, and by how much these move to them [m]."""
     turns = np.zeros((n_vertices, 2, 2))
     np.add.at(turns, walls.vertex, walls.normal[:, :2, None] * walls.normal[:, None, :2])
-    is_fixed = np.asarray(np.linalg.det(turns) > _TURN)
+    is_fixed = np.asarray(np.linalg.det(turns) > TURN)
     return is_fixed, _solved(walls, off, n_vertices, 2) * is_fixed[:, None]
 
 

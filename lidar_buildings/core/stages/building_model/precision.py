@@ -18,7 +18,7 @@ from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 # Chosen on virtual roofs of seeds 1 to 4, judged on others: `bench.models.precision`.
 #: A traced wall: what all of it is off by, and each of the rows of points that end at it [spacings].
-_WALL_BIAS, _WALL_EACH = 0.06, 0.18
+WALL_BIAS, _WALL_EACH = 0.06, 0.18
 #: A wall between roofs, likewise.
 _STEP_BIAS, _STEP_EACH = 0.04, 0.35
 #: Share of the variance of the gaps between a traced wall and its points that is the wall's.
@@ -33,15 +33,15 @@ _GIVEN = 1e-3
 _LOOSE = 1.0
 
 #: A face lies in a plane that is so near at all its corners [m]; one in none is off by this [m].
-_SAME_PLANE, _NO_PLANE = 0.02, 0.3
+_SAME_PLANE, NO_PLANE = 0.02, 0.3
 #: A wall stands on the outline if its middle is so near [m].
 _ON_OUTLINE = 0.02
 #: Walls fix a corner in plan that turn by more: square of the sine of 15°.
-_TURN = 0.067
+TURN = 0.067
 #: Keeps divisions by lengths and areas of 0 finite.
 _LEAST = 1e-9
 #: Digits of standard deviations [m].
-_DECIMALS = 3
+DECIMALS = 3
 
 
 class Sampling(NamedTuple):
@@ -76,7 +76,7 @@ def corner_covariances(conditions: Conditions, n_vertices: int, loose: float) ->
     u, v = normal[is_wall, :2].T
     turns, of_roofs = np.zeros((n_vertices, 3)), np.zeros((n_vertices, 5))
     np.add.at(turns, vertex[is_wall], np.column_stack([u * u, u * v, v * v]))
-    is_fixed = turns[:, 0] * turns[:, 2] - turns[:, 1] ** 2 > _TURN
+    is_fixed = turns[:, 0] * turns[:, 2] - turns[:, 1] ** 2 > TURN
     planes = np.column_stack([normal, sigma**2, np.ones(len(sigma))])[~is_wall]
     np.add.at(of_roofs, vertex[~is_wall], planes)
     middle = np.flatnonzero(is_fixed & (of_roofs[:, 4] > 0.0))
@@ -101,7 +101,7 @@ def wall_variances(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -
     """
     points, spacing, bias = sampling
     n, gaps = _ends_of_rows(walls, points, spacing).T
-    of_all = np.where(is_outer, _WALL_BIAS, _STEP_BIAS) * spacing
+    of_all = np.where(is_outer, WALL_BIAS, _STEP_BIAS) * spacing
     of_each = np.where(is_outer, _WALL_EACH, _STEP_EACH) * spacing
     inside, gaps = np.where(is_outer, bias or 0.0, 0.0), np.where(is_outer, _GAP_SHARE * gaps, 0.0)
     variances = np.column_stack([inside**2 + of_all**2, (of_each**2 + gaps) / n])
@@ -166,12 +166,12 @@ def told_precision(
     used = is_roof | is_wall
     conditions = Conditions(faces.corners[used], upward[own[used]], sigmas[used], is_wall[used])
     covariances = corner_covariances(conditions, len(solid.vertices), _LOOSE * sampling.spacing)
-    of_corners = np.sqrt(np.einsum("kii->ki", covariances)).round(_DECIMALS).astype(object)
+    of_corners = np.sqrt(np.einsum("kii->ki", covariances)).round(DECIMALS).astype(object)
     is_given = np.zeros(len(kinds), dtype=np.bool_)
     is_given[walls] = is_outer & (sampling.wall_bias is None)
     of_corners[faces.corners[is_given[own]], :2] = None
     every = of_corners.tolist()
-    middle = np.sqrt(np.bincount(own, sigmas**2) / np.bincount(own)).round(_DECIMALS).tolist()
+    middle = np.sqrt(np.bincount(own, sigmas**2) / np.bincount(own)).round(DECIMALS).tolist()
     told: list[dict[str, Any]] = [{} for _ in solid.faces]
     for number, (face, kind) in enumerate(zip(solid.faces, solid.semantics, strict=True)):
         if kind == ROOF_SURFACE:
@@ -187,8 +187,8 @@ def precision_attributes(told: Iterable[dict[str, Any]]) -> dict[str, float | No
     corners = [corner for one in told for ring in one.get("corner_sigmas", ()) for corner in ring]
     plan = [math.hypot(x, y) / math.sqrt(2.0) for x, y, _ in corners if x is not None]
     return {
-        "corner_sigma_xy": round(float(np.median(plan)), _DECIMALS) if plan else None,
-        "corner_sigma_z": round(float(np.median([z for _, _, z in corners])), _DECIMALS) if corners else None,
+        "corner_sigma_xy": round(float(np.median(plan)), DECIMALS) if plan else None,
+        "corner_sigma_z": round(float(np.median([z for _, _, z in corners])), DECIMALS) if corners else None,
     }
 
 
@@ -203,7 +203,7 @@ def _area_vectors(faces: FaceArrays) -> FloatArray:
 def _plane_sigmas(corners: FloatArray, face: IntArray, planes: Sequence[RoofPlane]) -> FloatArray:
     """Return the standard deviations of roofs' planes along z at the corners of their faces [m]."""
     if not len(planes) or not len(corners):
-        return np.full(len(corners), _NO_PLANE)
+        return np.full(len(corners), NO_PLANE)
     equations = np.array([plane.equation for plane in planes])
     first = np.flatnonzero(np.diff(face, prepend=-1))
     away = np.abs(corners[:, :2] @ equations[:, :2].T + equations[:, 2] - corners[:, 2:])
@@ -214,7 +214,7 @@ def _plane_sigmas(corners: FloatArray, face: IntArray, planes: Sequence[RoofPlan
     place[:, :2] = corners[:, :2] - np.array([plane.centroid[:2] for plane in planes])[best]
     covariances = np.array([plane.covariance for plane in planes])[best]
     sigma = np.sqrt(np.einsum("ni,nij,nj->n", place, covariances, place))
-    return np.where(away.min(axis=1).repeat(n) < _SAME_PLANE, sigma, _NO_PLANE)
+    return np.where(away.min(axis=1).repeat(n) < _SAME_PLANE, sigma, NO_PLANE)
 
 
 def _lines_of(corners: FloatArray, wall: IntArray, across: FloatArray) -> FloatArray:

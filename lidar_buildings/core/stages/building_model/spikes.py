@@ -77,10 +77,12 @@ class Limits(NamedTuple):
         """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
         z = self.points[:, 2]
         low, high = np.full(len(places), z.min()), np.full(len(places), z.max())
-        for moved in (_MOVED, 0.0, -_MOVED):
-            lowest, highest = heights_near(places, self.points, AROUND * self.spacing + moved)
+        rows = np.arange(len(places))
+        for moved in (-_MOVED, 0.0, _MOVED):
+            lowest, highest = heights_near(places[rows], self.points, AROUND * self.spacing + moved)
             is_near = lowest <= highest
-            low[is_near], high[is_near] = lowest[is_near], highest[is_near]
+            low[rows[is_near]], high[rows[is_near]] = lowest[is_near], highest[is_near]
+            rows = rows[~is_near]
         return low - MARGIN + _ROUNDING, high + MARGIN - _ROUNDING
 
     def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
