@@ -30,6 +30,9 @@ from lidar_buildings.core.stages.regularisation.walls import (
 )
 from lidar_buildings.core.surfaces.ring_division import running_sums, scatter_of
 
+#: Where walls cross, the ring is followed so far round about [smallest steps].
+_MEND = 2.0
+
 
 class _Line(NamedTuple):
     """Walls of one direction, and the sums of `running_sums` before and after their samples, (2, 6)."""
@@ -156,11 +159,41 @@ def _joints(points, first, last, shape, min_step, shortest):  # type: ignore[no-
     return joints
 
 
-def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
-    """Return the vertices of a ring, open, arcs in chords; none if its walls cross."""
-    vertices = _drawn(points, walled, fit)
-    is_simple = len(vertices) >= 3 and shapely.polygons(vertices).is_valid
-    return vertices if is_simple else np.zeros((0, 2))
+def draw_ring(samples: RingSamples, walled: WalledRing, fit: Fit) -> tuple[NDArray[np.float64], int]:
+    """
+    Return the vertices of a ring, open, arcs in chords, and in how many places it follows its points instead.
+
+    Walls cross where a ring is narrower than they are sure; no vertices if it cannot be drawn at all.
+    """
+    vertices = _drawn(samples.points, walled, fit)
+    if len(vertices) < 3 or shapely.polygons(vertices).is_valid:
+        return (vertices if len(vertices) >= 3 else np.zeros((0, 2))), 0
+    return _mended(vertices, samples.ring, fit)
+
+
+def _mended(
+    vertices: NDArray[np.float64], ring: NDArray[np.float64], fit: Fit
+) -> tuple[NDArray[np.float64], int]:
+    """Put the ring's own course, simplified, in the place of walls where these cross each other."""
+    traced = shapely.polygons(ring)
+    pieces = shapely.get_parts(shapely.line_merge(shapely.node(shapely.linearrings(vertices))))
+    faces = shapely.get_parts(shapely.polygonize(pieces))
+    if not len(faces) or not traced.is_valid:
+        return np.zeros((0, 2)), 0
+    # A face is inside where the ring goes round it counter-clockwise.
+    rays = shapely.get_coordinates(shapely.point_on_surface(faces))[:, None] - vertices
+    after = np.roll(rays, -1, axis=1)
+    cross = rays[..., 0] * after[..., 1] - rays[..., 1] * after[..., 0]
+    turns = np.arctan2(cross, (rays * after).sum(axis=2)).sum(axis=1) / (2.0 * math.pi)
+    ends = shapely.get_point(pieces, [[0], [-1]]).ravel()
+    places = shapely.union_all(shapely.buffer(ends, _MEND * fit.min_step))
+    walls = shapely.union_all(faces[turns > 0.5])
+    whole = shapely.union(shapely.difference(walls, places), shapely.intersection(traced, places))
+    largest = max(shapely.get_parts(whole), key=lambda part: float(part.area))
+    mended = shapely.simplify(shapely.orient_polygons(shapely.Polygon(largest.exterior)), fit.min_step)
+    if shapely.symmetric_difference(mended, traced).area > fit.min_step * traced.length:
+        return np.zeros((0, 2)), 0
+    return shapely.get_coordinates(mended)[:-1], len(shapely.get_parts(places))
 
 
 def arc_chords(

@@ -46,7 +46,7 @@ _INSIDE = 0.29
 class RegularisedOutline:
     """An outline of straight walls and arcs, and how well it fits."""
 
-    outline: Outline  #: simple and valid; the traced outline where it could not be regularised
+    outline: Outline  #: simple and valid; the traced outline, simplified, where walls make up none
     sigma: float  #: standard deviation of the points on walls about the lines and arcs through them [m]
     max_offset: float  #: largest distance of a point on a wall from the outline [m]
     #: Directions of the long walls within 0 to π/2, each standing for itself and its perpendicular, the most
@@ -82,6 +82,7 @@ class _Fitted(NamedTuple):
     bearing: WalledRing
     walled: WalledRing
     drawn: NDArray[np.float64]  #: shape (n_vertices, 2) [m]
+    n_mended: int  #: places where walls cross, and the ring follows its points
 
 
 def regularise_outline(traced: Outline, config: RegularisationConfig | None = None) -> RegularisedOutline:
@@ -125,7 +126,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         config.line_cost(spacing),
     )
     rings = [_fitted(ring, division, fit) for ring, division in zip(samples, divisions, strict=True)]
-    result = _result(traced, rings, centre, directions)
+    result = _result(traced, rings, centre, directions, fit.min_step)
     result = replace(result, bias=_INSIDE * ring_spacing(checked))
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
@@ -133,8 +134,8 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     corrected = []
     for ring in rings:
         walled = offset_outwards(ring.samples, ring.bearing, fit, empty)
-        corrected.append(ring._replace(walled=walled, drawn=draw_ring(ring.samples.points, walled, fit)))
-    moved = _result(traced, corrected, centre, directions)
+        corrected.append(_Fitted(ring.samples, ring.bearing, walled, *draw_ring(ring.samples, walled, fit)))
+    moved = _result(traced, corrected, centre, directions, fit.min_step)
     if moved.status is not BuildingStatus.OK:
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
         return replace(result, reason="; ".join(filter(None, (result.reason, reason))))
@@ -184,29 +185,38 @@ def _checked(outline: Outline) -> Outline:
 def _fitted(samples: RingSamples, division: Division, fit: Fit) -> _Fitted:
     bearing = assemble(samples, division, fit)
     walled = through_all_points(samples, bearing, fit)
-    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, fit))
+    return _Fitted(samples, bearing, walled, *draw_ring(samples, walled, fit))
 
 
 def _result(
-    traced: Outline, rings: list[_Fitted], centre: NDArray[np.float64], directions: tuple[float, ...]
+    traced: Outline,
+    rings: list[_Fitted],
+    centre: NDArray[np.float64],
+    directions: tuple[float, ...],
+    step: float,
 ) -> RegularisedOutline:
-    """Put the rings together, measure them, and say what is out of the ordinary."""
+    """
+    Put the rings together, measure them, and say what is out of the ordinary.
+
+    Where they are no polygon, the traced rings remain, without what deviates by less than `step` [m].
+    """
     exterior = rings[0].drawn + centre
     walled = [ring.drawn + centre for ring in rings[1:]]
     holes, kept, filled = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
     problem = _problem(outline, traced)
     if problem:
-        return _as_traced(traced, directions, problem)
+        return _as_traced(_simplified(traced, step), directions, problem)
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
-    status, notes = BuildingStatus.OK, _notes(kept, filled)
+    status, notes = BuildingStatus.OK, _notes(kept, filled, sum(ring.n_mended for ring in rings))
     return RegularisedOutline(outline, sigma, max_offset, directions, status, notes)
 
 
-def _notes(kept: list[int], filled: list[int]) -> str:
+def _notes(kept: list[int], filled: list[int], n_mended: int) -> str:
     notes = {
+        "places where walls would cross follow the points": n_mended,
         "courtyards left as traced because straight walls would meet other rings": len(kept),
         "courtyards left out because the outer walls meet them": len(filled),
     }
@@ -240,6 +250,13 @@ def _problem(outline: Outline, traced: Outline) -> str:
     if not traced.polygon.is_valid:
         return "the traced outline is not valid"
     return ""
+
+
+def _simplified(traced: Outline, step: float) -> Outline:
+    """Return fewer vertices; all of them where that leaves nothing."""
+    polygon = traced.polygon
+    fewer = shapely.simplify(polygon, step) if polygon.is_valid else shapely.Polygon()
+    return traced if fewer.is_empty or fewer.geom_type != "Polygon" else Outline.of(fewer)
 
 
 def _as_traced(traced: Outline, directions: tuple[float, ...], reason: str) -> RegularisedOutline:
