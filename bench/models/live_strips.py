@@ -18,10 +18,8 @@ import laspy
 import numpy as np
 import pyproj
 import rclpy
-import shapely
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
-from scipy.spatial import cKDTree
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
@@ -30,7 +28,6 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.cityjson import parse_feature
-from lidar_buildings.io.vectors.layers import read_layer
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.point_cloud import cloud_message
 from lidar_buildings.ros.qos import BUILDING, EVENT, RELIABLE_SENSOR
@@ -40,7 +37,8 @@ from lidar_buildings.ros.text_messages import is_model, is_provisional
 _SCAN, _TURN, _PATIENCE = 2000, 30.0, 240.0
 _KEPT = ("intensity", "return_number", "number_of_returns", "scan_angle", "point_source_id", "gps_time")
 _SECOND = 1_000_000_000
-_MODELS = "city_model.city.jsonl"
+#: What holds no name of an input.
+_FILES = ("buildings.gpkg", "city_model.obj", "city_model.dxf")
 
 
 class Published(NamedTuple):
@@ -215,14 +213,5 @@ def run_on(flights: Sequence[PointTile], frame: MapFrame, output: Path, settings
 
 
 def are_equal(one: Path, other: Path) -> bool:
-    """Whether the models in two results are the same, byte for byte."""
-    return (one / _MODELS).read_bytes() == (other / _MODELS).read_bytes()
-
-
-def corners_apart(one: Path, other: Path) -> list[float]:
-    """Return quantiles 0.5 and 0.9 of the distances of roofs' corners from the nearest of another result."""
-    found = []
-    for folder in (one, other):
-        layer = read_layer(folder / "buildings.gpkg", "roof_corners")
-        found.append(shapely.get_coordinates(layer.geometries, include_z=True))
-    return np.quantile(cKDTree(found[1]).query(found[0])[0], [0.5, 0.9]).tolist()
+    """Whether the layers of two results and models of two results are the same, byte for byte."""
+    return all((one / name).read_bytes() == (other / name).read_bytes() for name in _FILES)

@@ -12,7 +12,7 @@ deviations in plan (along one axis) and in height, and the shares of errors with
 With --live the flights are scans for `lidar-buildings live`, in processes of its own. After each flight there
 are two lines: of the models that were solved again from sums (`provisional`), and of those made again of all
 points, each with the seconds from the flight's last point; processor seconds are of all the graph's work.
-Another graph gets all flights at once: are its files the same? How far are corners from those of `run`?
+Are the files in the end those that `run` makes of the flights?
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def live_rows(
     flights: Sequence[PointTile], scene: VirtualScene, settings: Sequence[str]
 ) -> tuple[list[list[str]], str]:
     """Return two lines for each flight, and what is to be said of the files."""
-    from bench.models.live_strips import are_equal, corners_apart, flown, model_of, run_on  # needs ROS
+    from bench.models.live_strips import are_equal, flown, model_of, run_on  # needs ROS
 
     rows = []
     with tempfile.TemporaryDirectory() as name:
@@ -141,23 +141,9 @@ def live_rows(
                 if lines:
                     cells = cells_of([model_of(one) for one in lines.values()], scene)
                     rows.append([str(number), kind, f"{after:.1f}", f"{found.cpu:.1f}", *cells])
-        whole = [joined(flights)]
-        for _ in flown(whole, scene.frame, folder / "at once", settings):
-            pass
-        is_same = are_equal(folder / "live", folder / "at once")
         run_on(flights, scene.frame, folder / "run", settings)
-        away = corners_apart(folder / "live", folder / "run")
-    said = f"files {'equal' if is_same else 'differ from'} those of all points at once; corners beside those "
-    said += f"of run, by quantiles 0.5, 0.9: {', '.join(f'{one:.3f}' for one in away)} m"
-    return rows, said
-
-
-def joined(flights: Sequence[PointTile]) -> PointTile:
-    """Return flights as one."""
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name) for one in flights]) for name in flights[0].columns
-    }
-    return replace(flights[0], points=np.concatenate([one.points for one in flights]), **columns)
+        is_same = are_equal(folder / "live", folder / "run")
+    return rows, f"files {'equal' if is_same else 'differ from'} those of run"
 
 
 if __name__ == "__main__":

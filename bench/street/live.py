@@ -88,7 +88,7 @@ def measure(options: argparse.Namespace, folder: Path) -> None:
     told = _measured([*child, "--output", str(live), "--overwrite", *words])
     for name in ("cost", "backlog"):
         print(json.dumps({name: told[name]}), flush=True)
-    print(json.dumps({"late": lateness(told, live, options.survey)}), flush=True)
+    print(json.dumps({"late": lateness(told, options.survey)}), flush=True)
     print(json.dumps({"walls": walls(live, options.run, options.survey)}), flush=True)
 
 
@@ -104,9 +104,9 @@ def _measured(command: list[str]) -> dict[str, Any]:
     return dict(json.loads(told))
 
 
-def lateness(told: dict[str, Any], live: Path, survey: Path) -> dict[str, Any]:
+def lateness(told: dict[str, Any], survey: Path) -> dict[str, Any]:
     """Return how late places of façades are published, by the points as they were measured."""
-    origin = np.array(json.loads((live / "run.json").read_text())["frame"]["origin"])
+    origin = np.array(told["origin"])
     sent = [(at, tile, [Facade.of_record(one) for one in records]) for at, tile, records in told["published"]]
     final = {tile: facades for _, tile, facades in sent if tile}
     facades = [one for of in final.values() for one in of]
@@ -190,6 +190,7 @@ def _child(rate: float, words: list[str]) -> int:
     scans: list[tuple[float, float, float]] = []  # monotonic, of the scanner [s], processor so far
     looks: list[tuple[float, dict[str, int]]] = []
     ends: list[tuple[float, float]] = []
+    origins: list[tuple[float, ...]] = []  # of the frame of what is published
     last_tile: list[tuple[float, float]] = []
     last_scan: list[float] = []
     sent: list[int] = []
@@ -222,6 +223,7 @@ def _child(rate: float, words: list[str]) -> int:
     def noted_flush(self: Any) -> Any:
         ends.append((time.monotonic(), cpu()))
         looks.append((ends[-1][0], self.counts()))
+        origins.append(self.frame.origin)
         return flush(self)
 
     def noted_finish(self: Any, stamp: int, *, is_done: bool = True) -> None:
@@ -261,6 +263,7 @@ def _child(rate: float, words: list[str]) -> int:
             for name in ("points_waiting", "tiles_waiting")
         },
         "end": last_scan[0] + 1.0,
+        "origin": origins[0],
         "published": [(began + rate * (at - begin), tile, records) for at, tile, records in published],
     }
     print(_MARK + json.dumps(figures), file=sys.stderr)

@@ -12,7 +12,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.run_request import request_of
+from lidar_buildings.commands.final_result import make_final
+from lidar_buildings.commands.progress import tell_problems
+from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ExitStatus, InputError, ParameterError
@@ -121,7 +123,8 @@ def live_command(options: argparse.Namespace) -> int:
     """
     Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
-    Return 0; 2 if a bag could be played in part only; 4 if more than 5 % of the points were lost; 130 if a
+    Their files are there soon; those that `run` makes of all points take their place. Return 0; 2 if a bag
+    could be played in part only; 3 if a tile failed; 4 if more than 5 % of the points were lost; 130 if a
     second signal came before all was finished: the same command goes on.
     """
     request = request_of(options)
@@ -138,7 +141,9 @@ def live_command(options: argparse.Namespace) -> int:
             compiling.wait()
         namespace = (request.namespace or "").strip("/")
         with running_graph(request, _NODE, namespace, _ros_arguments(options)) as (composition, nodes):
-            return _until_interrupted(composition, nodes, replay)
+            status = _until_interrupted(composition, nodes, replay)
+        has_points = status not in (ExitStatus.WRONG_USE, ExitStatus.INTERRUPTED)
+        return _finally(request, status) if has_points else status
 
 
 def _ros_arguments(options: argparse.Namespace) -> list[str]:
@@ -187,6 +192,22 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
         _tell(loss)
         return ExitStatus.DOUBTFUL
     return ExitStatus.DONE
+
+
+def _finally(request: RunRequest, status: int) -> int:
+    """Replace the files of live tiles by those of a run; return the status, which was that of the feed."""
+    _tell("making the files of all points as one survey: press Ctrl-C to keep those of live tiles")
+    with _interruptions() as n_interruptions:
+        outcome = make_final(request, lambda: n_interruptions() > 0)
+    if outcome is None:
+        _tell("stopped: the files are those of live tiles; run the same command for those of one survey")
+        return ExitStatus.INTERRUPTED
+    tell_problems(outcome, "")
+    n_buildings = counted(sum(outcome.summary.buildings.values()), "building")
+    _tell(f"final files in {request.output}: {counted(outcome.summary.n_tiles, 'tile')}, {n_buildings}")
+    if outcome.failed:
+        return ExitStatus.TILE_FAILED
+    return ExitStatus.DONE if status == ExitStatus.TILE_FAILED else status
 
 
 def _watch(

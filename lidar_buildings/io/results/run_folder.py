@@ -228,6 +228,19 @@ def remove_files(path: Path, names: Iterable[str]) -> None:
                 file.parent.rmdir()
 
 
+def put_in_place(result: Path, path: Path) -> None:
+    """Move a result's files to a folder of the same disk, in place of its files; ``run.json`` comes last."""
+    names = files_of_run(result)
+    with usable(path):
+        remove_files(path, set(files_of_run(path)) - set(names))
+        for name in sorted(names, key=lambda one: one == RUN):
+            target = path / name
+            if target.is_dir():
+                shutil.rmtree(target)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            (result / name).replace(target)
+
+
 def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
     remove_files(
