@@ -34,6 +34,10 @@ from lidar_buildings.core.surfaces.ring_division import running_sums, scatter_of
 _MEND = 2.0
 
 
+#: Width of an open arc's first and last chord, of which one end lies on the arc [widths of the others].
+_LEAD = math.sqrt(0.75)
+
+
 class _Line(NamedTuple):
     """Walls of one direction, and the sums of `running_sums` before and after their samples, (2, 6)."""
 
@@ -199,24 +203,35 @@ def _mended(
 def arc_chords(
     shape: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], fit: Fit
 ) -> NDArray[np.float64]:
-    """Return the vertices between an arc's ends: equal chords within an error, none under a shortest wall."""
+    """
+    Return the vertices between an arc's ends, which lie on it; all of a circle's where these are one.
+
+    They lie outside by what chords lie inside: half as much as if they were on it. No chord is under a
+    shortest wall.
+    """
     radius = abs(float(shape[RADIUS]))
-    sweep = float(swept(shape, start, end)) or 2.0 * math.pi
-    widest = 2.0 * math.acos(max(1.0 - fit.chord_error / radius, 0.5))
-    n_chords = max(math.ceil(sweep / widest), 2)
-    while n_chords > 2 and 2.0 * radius * math.sin(0.5 * sweep / n_chords) < fit.shortest:
+    error = min(fit.chord_error, radius / 3.0)
+    widest = 2.0 * math.acos((radius - error) / (radius + error))
+    is_open = bool((start != end).any())
+    sweep = float(swept(shape, start, end)) if is_open else 2.0 * math.pi
+    lead, fewest = (_LEAD, 2) if is_open else (1.0, 3)
+    n_chords = max(math.ceil(sweep / widest + 2.0 - 2.0 * lead), fewest)
+    shortest = fit.shortest / (2.0 * radius)
+    while n_chords > fewest and math.sin(0.5 * lead * sweep / (n_chords - 2.0 + 2.0 * lead)) < shortest:
         n_chords -= 1
+    width = sweep / (n_chords - 2.0 + 2.0 * lead)
     middle = shape[[CENTRE_X, CENTRE_Y]]
     first = math.atan2(*(start - middle)[::-1])
-    turns = first + math.copysign(sweep, shape[RADIUS]) * np.arange(1, n_chords) / n_chords
-    return np.asarray(middle + radius * np.column_stack([np.cos(turns), np.sin(turns)]))
+    turns = first + math.copysign(width, shape[RADIUS]) * (lead + np.arange(n_chords - is_open))
+    out = 2.0 * radius / (1.0 + math.cos(0.5 * width))
+    return np.asarray(middle + out * np.column_stack([np.cos(turns), np.sin(turns)]))
 
 
 def _drawn(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
     m = len(walled.first)
     if m == 1:  # the whole ring is one circle
         start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
-        return np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
+        return arc_chords(walled.shape[0], start, start, fit)
     path: list[NDArray[np.float64]] = []
     for i in range(m):
         start, end = walled.joints[i - 1, 1], walled.joints[i, 0]
