@@ -39,11 +39,22 @@ def plane_costs(
     int64, -1 for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
     slope = np.hypot(planes[:, 0], planes[:, 1])
-    counted = np.minimum(np.hypot(1.0, STEEP) / np.hypot(1.0, slope), 1.0)
     return _costs(
-        points, weight, cell, np.ascontiguousarray(planes.T), counted,
+        points, weight, cell, np.ascontiguousarray(planes.T), counted_shares(planes),
         cells.vertices, cells.borders, cells.sides, cells.areas, ABOVE + spacing * slope, spacing,
     )  # fmt: skip
+
+
+def counted_shares(planes: FloatArray) -> FloatArray:
+    """Return the share of vertical distances from planes that counts."""
+    slope = np.hypot(planes[:, 0], planes[:, 1])
+    return np.asarray(np.minimum(np.hypot(1.0, STEEP) / np.hypot(1.0, slope), 1.0))
+
+
+@inner_kernel
+def misfit_of(off):  # type: ignore[no-untyped-def]
+    """Return what of a distance counts [m]."""
+    return off if off < MAX_MISFIT else MAX_MISFIT + TAIL * (off - MAX_MISFIT)
 
 
 @kernel
@@ -141,6 +152,5 @@ def _costs(points, weight, cell, planes, counted, vertices, borders, sides, area
         own = costs[c]
         x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weight[i]
         for k in range(n_planes):
-            misfit = counted[k] * abs(z - (a[k] * x + b[k] * y + d[k]))
-            own[k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT + TAIL * (misfit - MAX_MISFIT))
+            own[k] += w * misfit_of(counted[k] * abs(z - (a[k] * x + b[k] * y + d[k])))
     return costs

@@ -24,6 +24,7 @@ from lidar_buildings.core.stages.building_model.cells import (
     face_rings,
 )
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.contraction import contracted
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 from lidar_buildings.core.stages.building_model.spikes import Limits
@@ -203,7 +204,9 @@ def partition_outline(
     of_face = np.empty((len(rings), 3))
     of_face[face] = own
     part = parts_of_one_height(cells, face, of_face, config.min_part_step).tolist()
-    of_faces, first = rows_by_group(1 + np.append(face, -1)[cell], len(rings) + 1)
+    over = np.append(face, -1)[cell]
+    rings = contracted(rings, of_face, over, np.concatenate(outline.rings), limits, weights, prices)
+    of_faces, first = rows_by_group(1 + over, len(rings) + 1)
     rows = [of_faces[begin:end] for begin, end in pairwise(first[1:].tolist())]
     return [RoofFacePatch(*each) for each in zip(rings, of_face, rows, part, strict=True) if each[0]]
 

@@ -12,9 +12,9 @@ from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.building_model.cells import Cells
 
 #: Edges that turn by less run straight on: sine of the angle.
-_STRAIGHT = 0.02
+STRAIGHT = 0.02
 #: Corners of faces at one place are one corner if their elevations differ by less [m].
-_ONE_CORNER = 0.02
+ONE_CORNER = 0.02
 
 
 @kernel
@@ -91,13 +91,13 @@ def _corners(v, one, other, n, labels, graph):  # type: ignore[no-untyped-def]
     _, _, _, _, borders, sides, courses, _, spots, planes, heights = graph
     # To the left of an edge that leaves the vertex lies what follows by rising direction.
     inside = sides[one, 0] if borders[one, 0] == v else sides[one, 1]
-    is_straight = abs(courses[one, 0] * courses[other, 1] - courses[one, 1] * courses[other, 0]) < _STRAIGHT
+    is_straight = abs(courses[one, 0] * courses[other, 1] - courses[one, 1] * courses[other, 0]) < STRAIGHT
     if inside < 0 or is_straight:
         return n
     p = labels[inside]
     heights[n] = planes[p, 0] * spots[v, 0] + planes[p, 1] * spots[v, 1] + planes[p, 2]
     for k in range(n):
-        if abs(heights[k] - heights[n]) < _ONE_CORNER:
+        if abs(heights[k] - heights[n]) < ONE_CORNER:
             return n
     return n + 1
 

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, area_vector
@@ -54,16 +55,39 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
             yield Spike((x, y, z), excess, slope)
 
 
-#: What is kept of the margin, and of how far points are near, as vertices are rounded [m].
-_ROUNDING, _MOVED = 0.02, 0.004
+#: What is kept of the margin, as vertices are rounded, and of how far points are near, as they are drawn back
+#: where walls would meet in them [m].
+_ROUNDING, _MOVED = 0.02, 0.012
 #: Corners of faces at one place and nearer in height are one [m].
-_ONE_HEIGHT = 0.01
+ONE_HEIGHT = 0.01
 #: Cuts run on so far behind the border of a cell, and are so far from what they part at least [m].
 _PAST, _LEAST_GAP = 0.005, 0.05
 #: A cell so near to a place has it as a corner [steps of the grid].
 _NEAR = 2.0
 #: Cuts are tried at these shares of the way, from the middle on.
 _TRIED = np.array(sorted(np.linspace(0.0, 1.0, 33)[1:-1], key=lambda share: abs(share - 0.5)))
+
+
+@kernel
+def level_limits(places, points, spacing):  # type: ignore[no-untyped-def]
+    """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
+    low, high = heights_near(places, points, AROUND * spacing - _MOVED)
+    for i in range(len(places)):
+        for moved in (0.0, _MOVED):
+            if low[i] > high[i]:
+                lowest, highest = heights_near(places[i : i + 1], points, AROUND * spacing + moved)
+                low[i], high[i] = lowest[0], highest[0]
+        if low[i] > high[i]:
+            low[i], high[i] = points[:, 2].min(), points[:, 2].max()
+    return low - MARGIN + _ROUNDING, high + MARGIN - _ROUNDING
+
+
+@inner_kernel
+def is_left(z, slope, low, high, spacing, floor):  # type: ignore[no-untyped-def]
+    """Tell whether no point explains a roof of a height and a slope; limits are those of `level_limits`."""
+    rise = spacing * min(slope, STEEP)
+    lowest = max(low - rise, floor) if low > floor else low - rise
+    return z > high + rise or z < lowest
 
 
 class Limits(NamedTuple):
@@ -75,15 +99,8 @@ class Limits(NamedTuple):
 
     def ends(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
-        z = self.points[:, 2]
-        low, high = np.full(len(places), z.min()), np.full(len(places), z.max())
-        rows = np.arange(len(places))
-        for moved in (-_MOVED, 0.0, _MOVED):
-            lowest, highest = heights_near(places[rows], self.points, AROUND * self.spacing + moved)
-            is_near = lowest <= highest
-            low[rows[is_near]], high[rows[is_near]] = lowest[is_near], highest[is_near]
-            rows = rows[~is_near]
-        return low - MARGIN + _ROUNDING, high + MARGIN - _ROUNDING
+        low, high = level_limits(places, self.points, self.spacing)
+        return low, high
 
     def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
         """Tell which roofs of a height and a slope no point explains, both (n,) or (n_roofs, n)."""
@@ -132,7 +149,7 @@ class Limits(NamedTuple):
         z, slope = np.einsum("ij,ij->i", own[:, :2], places) + own[:, 2], np.hypot(own[:, 0], own[:, 1])
         order = np.lexsort((z, vertex))
         is_first = np.diff(vertex[order], prepend=-1) > 0
-        is_first |= np.diff(z[order], prepend=-np.inf) > _ONE_HEIGHT
+        is_first |= np.diff(z[order], prepend=-np.inf) > ONE_HEIGHT
         slope[order] = np.minimum.reduceat(slope[order], np.flatnonzero(is_first))[np.cumsum(is_first) - 1]
         left = self.are_left(places, z, slope)
         return cell[left], np.column_stack([places, slope])[left]

@@ -1,0 +1,314 @@
+"""Fewer corners once more: vertices of faces move into neighbours where points do not miss them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.stages.building_model.cell_costs import counted_shares, misfit_of
+from lidar_buildings.core.stages.building_model.simplification import EPSILON, ONE_CORNER, STRAIGHT
+from lidar_buildings.core.stages.building_model.spikes import ONE_HEIGHT, Limits, is_left, level_limits
+
+#: Edges that move keep so far from vertices, and those of the outline so near to where they were [m].
+_CLEAR, _ON_WALL = 0.02, 0.003
+
+
+def contracted(
+    rings: Sequence[tuple[FloatArray, ...]],
+    planes: FloatArray,
+    over: IntArray,
+    kept: FloatArray,
+    limits: Limits,
+    weights: FloatArray,
+    prices: tuple[float, float],
+) -> list[tuple[FloatArray, ...]]:
+    """
+    Move vertices of faces into neighbours wherever the description of the roof gets shorter.
+
+    Its length is that of `simplified`. All faces and the outline stay, and corners keep to the limits.
+
+    - `rings`: Of each face, which share their vertices [m].
+    - `planes`, shape (n_faces, 3): z = a·x + b·y + c.
+    - `over`, shape (n_points,), int64: The face below each of the limits' points, -1 for none; as changed.
+    - `kept`, shape (n, 2): Vertices that stay [m].
+    - `weights`, shape (n_points,): The area that points stand for [m²].
+    - `prices`: Of a metre of border [m²], and of a corner [m³].
+    """
+    sizes = np.array([len(ring) for own in rings for ring in own], dtype=np.int64)
+    if len(rings) < 2 or not len(sizes):
+        return list(rings)
+    corners = np.concatenate([ring for own in rings for ring in own])
+    places, vertex = np.unique(corners, axis=0, return_inverse=True)
+    keys, of_kept = (xy @ (1.0, 1j) for xy in (places, kept))
+    ends = np.cumsum(sizes)
+    after, before = np.arange(1, len(corners) + 1), np.arange(-1, len(corners) - 1)
+    after[ends - 1], before[ends - sizes] = ends - sizes, ends - 1
+    face = np.repeat([f for f, own in enumerate(rings) for _ in own], sizes)
+    nodes = np.column_stack([vertex.reshape(-1), after, before, face])
+    low, high = level_limits(places, limits.points, limits.spacing)
+    _contract(
+        nodes, places, np.isin(keys, of_kept), low, high, planes, counted_shares(planes),
+        over, limits.points, weights, limits.spacing, limits.floor, prices,
+    )  # fmt: skip
+    left = [part[part[:, 0] >= 0, 0] for part in np.split(nodes, ends[:-1])]
+    parts = iter(left)
+    return [tuple(places[part] for _, part in zip(own, parts, strict=False)) for own in rings]
+
+
+#: Columns of nodes, which rings consist of: vertex, -1 if it is gone, next node, the one before, face.
+_VERTEX, _NEXT, _BEFORE, _FACE = range(4)
+
+
+@kernel
+def _contract(  # type: ignore[no-untyped-def]
+    nodes, places, is_kept, low, high, planes, counted, over, points, weights, spacing, floor, prices
+):
+    known = places, is_kept, low, high, planes, counted, points, weights, spacing, floor, prices
+    lengths = np.empty(len(nodes))
+    first, last = np.empty(len(nodes), np.int64), np.empty(len(nodes), np.int64)
+    rows, faces = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    is_new = True
+    while is_new:
+        is_new, n = False, 0
+        for i in range(len(nodes)):
+            u = nodes[i, _VERTEX]
+            if u >= 0:
+                v = nodes[nodes[i, _NEXT], _VERTEX]
+                first[n], last[n] = u, v
+                lengths[n] = math.hypot(places[u, 0] - places[v, 0], places[u, 1] - places[v, 1])
+                n += 1
+        for k in np.argsort(lengths[:n], kind="mergesort"):
+            u, v = first[k], last[k]
+            if is_kept[u] or not _is_edge(u, v, nodes):
+                continue
+            given = nodes.copy()
+            gain, n_changed = _moved(u, v, nodes, over, rows, faces, known)
+            if gain > EPSILON:
+                is_new = True
+                for i in range(n_changed):
+                    over[rows[i]] = faces[i]
+            else:
+                nodes[:] = given
+
+
+@kernel
+def _is_edge(u, v, nodes):  # type: ignore[no-untyped-def]
+    for one, after, before, _ in nodes:
+        if one == u and (nodes[after, _VERTEX] == v or nodes[before, _VERTEX] == v):
+            return True
+    return False
+
+
+@kernel
+def _moved(u, v, nodes, over, rows, faces, known):  # type: ignore[no-untyped-def]
+    """
+    Move vertex u into v; return what is gained [m³], and how many points change their faces.
+
+    0 if it may not be; the points and their faces are written.
+    """
+    places, _, _, _, planes, counted, points, weights, _, _, prices = known
+    around, at = _around(u, nodes)
+    if not _is_free(u, v, around, at, nodes, places):
+        return 0.0, 0
+    gain = 0.0
+    for w in around:
+        gain += prices[1] * _corners(w, nodes, places, planes) + prices[0] * _distance(u, w, places)
+        if w != v:
+            gain -= prices[0] * _distance(v, w, places)
+    gain += prices[1] * _corners(u, nodes, places, planes)
+    is_its = np.zeros(len(planes), np.bool_)
+    for i in at:
+        is_its[nodes[i, _FACE]] = True
+        one, other = nodes[i, _BEFORE], nodes[i, _NEXT]
+        nodes[i, _VERTEX] = v
+        if nodes[one, _VERTEX] == v or nodes[other, _VERTEX] == v:
+            nodes[one, _NEXT], nodes[other, _BEFORE], nodes[i, _VERTEX] = other, one, -1
+            if nodes[other, _NEXT] == one:
+                return 0.0, 0
+    is_there = np.zeros(len(planes), np.bool_)
+    for i in range(len(nodes)):
+        if nodes[i, _VERTEX] == v:
+            if is_there[nodes[i, _FACE]]:
+                return 0.0, 0
+            is_there[nodes[i, _FACE]] = True
+    for w in around:
+        gain -= prices[1] * _corners(w, nodes, places, planes)
+    if gain <= EPSILON or not _is_explained(v, around, nodes, known):
+        return 0.0, 0
+    n = 0
+    x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
+    west, south, east, north = x.min(), y.min(), x.max(), y.max()
+    for i in range(np.searchsorted(points[:, 1], south), np.searchsorted(points[:, 1], north)):
+        (x, y, z), old, is_swept = points[i], over[i], False
+        if not west <= x <= east or old < 0 or not is_its[old]:
+            continue
+        for w in around:
+            is_swept |= _is_between(x, y, u, v, w, places)
+        new = _face_over(x, y, is_its, nodes, places) if is_swept else -1
+        if new < 0 or new == old:
+            continue
+        rows[n], faces[n], n = i, new, n + 1
+        for f, sign in ((old, 1.0), (new, -1.0)):
+            off = abs(z - (planes[f, 0] * x + planes[f, 1] * y + planes[f, 2]))
+            gain += sign * weights[i] * misfit_of(counted[f] * off)
+        if gain <= EPSILON:
+            return 0.0, 0
+    return gain, n
+
+
+@inner_kernel
+def _distance(u, w, places):  # type: ignore[no-untyped-def]
+    return math.hypot(places[u, 0] - places[w, 0], places[u, 1] - places[w, 1])
+
+
+@kernel
+def _around(u, nodes):  # type: ignore[no-untyped-def]
+    """Return the vertices next to one, each once, and its nodes."""
+    at = np.flatnonzero(nodes[:, _VERTEX] == u)
+    around = np.empty(2 * len(at), np.int64)
+    for k in range(len(at)):
+        around[2 * k] = nodes[nodes[at[k], _BEFORE], _VERTEX]
+        around[2 * k + 1] = nodes[nodes[at[k], _NEXT], _VERTEX]
+    return np.unique(around), at
+
+
+@kernel
+def _is_free(u, v, around, at, nodes, places):  # type: ignore[no-untyped-def]
+    """Tell whether nothing lies where edges move, and the outline stays."""
+    for w in around:
+        n_sides = 0
+        for i in at:
+            n_sides += (nodes[nodes[i, _BEFORE], _VERTEX] == w) + (nodes[nodes[i, _NEXT], _VERTEX] == w)
+        if n_sides == 1 and w != v and _off_edge(u, w, v, places) > _ON_WALL:
+            return False
+        if n_sides == 2 and w == v:
+            for i in at:
+                if _is_outer(i, at, nodes):
+                    return False
+    for x in nodes[:, _VERTEX]:
+        if x < 0 or x in (u, v):
+            continue
+        for w in around:
+            if w in (v, x):
+                continue
+            if _off_edge(x, w, v, places) < _CLEAR or _is_between(
+                places[x, 0], places[x, 1], u, v, w, places
+            ):
+                return False
+    return True
+
+
+@kernel
+def _is_outer(i, at, nodes):  # type: ignore[no-untyped-def]
+    """Tell whether an edge of a node at a vertex, whose nodes are given, has one face alone."""
+    for way in (_BEFORE, _NEXT):
+        w, n_sides = nodes[nodes[i, way], _VERTEX], 0
+        for k in at:
+            n_sides += (nodes[nodes[k, _BEFORE], _VERTEX] == w) + (nodes[nodes[k, _NEXT], _VERTEX] == w)
+        if n_sides == 1:
+            return True
+    return False
+
+
+@kernel
+def _off_edge(w, a, b, places):  # type: ignore[no-untyped-def]
+    """Return how far a vertex lies from the edge between two others [m]."""
+    ux, uy = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1]
+    px, py = places[w, 0] - places[a, 0], places[w, 1] - places[a, 1]
+    square = ux * ux + uy * uy
+    share = min(max((px * ux + py * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return math.hypot(px - share * ux, py - share * uy)
+
+
+@kernel
+def _corners(v, nodes, places, planes):  # type: ignore[no-untyped-def]
+    """Return the number of corners at a vertex, as `simplification` counts them."""
+    heights, n = np.empty(len(nodes)), 0
+    for i in range(len(nodes)):
+        if nodes[i, _VERTEX] != v:
+            continue
+        one, other = nodes[nodes[i, _BEFORE], _VERTEX], nodes[nodes[i, _NEXT], _VERTEX]
+        ax, ay = places[v, 0] - places[one, 0], places[v, 1] - places[one, 1]
+        bx, by = places[other, 0] - places[v, 0], places[other, 1] - places[v, 1]
+        if abs(ax * by - ay * bx) < STRAIGHT * math.hypot(ax, ay) * math.hypot(bx, by):
+            continue
+        a, b, c = planes[nodes[i, _FACE]]
+        heights[n] = a * places[v, 0] + b * places[v, 1] + c
+        is_new = True
+        for k in range(n):
+            is_new &= abs(heights[k] - heights[n]) >= ONE_CORNER
+        n += is_new
+    return n
+
+
+@kernel
+def _is_explained(v, around, nodes, known):  # type: ignore[no-untyped-def]
+    """Tell whether points explain the corners at a vertex, and where planes cross on edges from it."""
+    places, _, low, high, planes, _, points, _, spacing, floor, _ = known
+    x, y = places[v]
+    for i in range(len(nodes)):
+        if nodes[i, _VERTEX] != v:
+            continue
+        a, b, c = planes[nodes[i, _FACE]]
+        z, slope = a * x + b * y + c, math.hypot(a, b)
+        for k in range(len(nodes)):
+            if nodes[k, _VERTEX] == v:
+                d, e, f = planes[nodes[k, _FACE]]
+                if abs(d * x + e * y + f - z) <= ONE_HEIGHT:
+                    slope = min(slope, math.hypot(d, e))
+                # The face beyond the next edge.
+                w = nodes[nodes[i, _NEXT], _VERTEX]
+                if nodes[nodes[k, _BEFORE], _VERTEX] == w:
+                    one = z - (d * x + e * y + f)
+                    other = (a - d) * places[w, 0] + (b - e) * places[w, 1] + c - f
+                    if one * other < 0.0:
+                        share = one / (one - other)
+                        place = np.empty((1, 2))
+                        place[0, 0] = x + share * (places[w, 0] - x)
+                        place[0, 1] = y + share * (places[w, 1] - y)
+                        lowest, highest = level_limits(place, points, spacing)
+                        between = a * place[0, 0] + b * place[0, 1] + c
+                        least = min(math.hypot(a, b), math.hypot(d, e))
+                        if is_left(between, least, lowest[0], highest[0], spacing, floor):
+                            return False
+        if is_left(z, slope, low[v], high[v], spacing, floor):
+            return False
+    return True
+
+
+@inner_kernel
+def _is_between(x, y, u, v, w, places):  # type: ignore[no-untyped-def]
+    """Tell whether a place lies in a triangle."""
+    ax, ay, bx, by, cx, cy = (
+        places[u, 0],
+        places[u, 1],
+        places[v, 0],
+        places[v, 1],
+        places[w, 0],
+        places[w, 1],
+    )
+    one = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+    two = (cx - bx) * (y - by) - (cy - by) * (x - bx)
+    three = (ax - cx) * (y - cy) - (ay - cy) * (x - cx)
+    return min(one, two, three) >= 0.0 or max(one, two, three) <= 0.0
+
+
+@kernel
+def _face_over(x, y, is_its, nodes, places):  # type: ignore[no-untyped-def]
+    """Return which of some faces a place lies in, -1 for none."""
+    is_in = np.zeros(len(is_its), np.bool_)
+    for i in range(len(nodes)):
+        if nodes[i, _VERTEX] < 0 or not is_its[nodes[i, _FACE]]:
+            continue
+        ax, ay = places[nodes[i, _VERTEX]]
+        bx, by = places[nodes[nodes[i, _NEXT], _VERTEX]]
+        if (ay > y) != (by > y) and x < ax + (bx - ax) * (y - ay) / (by - ay):
+            is_in[nodes[i, _FACE]] = not is_in[nodes[i, _FACE]]
+    for f in range(len(is_in)):
+        if is_in[f]:
+            return f
+    return -1
