@@ -41,7 +41,16 @@ from lidar_buildings.core.stages.building_model.model import LOD22
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
-from lidar_buildings.core.surfaces.plane_adjustment import CORNER, LEVEL, POINT, SLOPE, STRIKE, adjust
+from lidar_buildings.core.surfaces.plane_adjustment import (
+    ALIKE,
+    CORNER,
+    EAVES,
+    LEVEL,
+    POINT,
+    SLOPE,
+    STRIKE,
+    adjust,
+)
 from lidar_buildings.core.surfaces.roof_planes import without_gaps
 from lidar_buildings.evaluation.scores.models import roof_wireframe
 from lidar_buildings.evaluation.scores.outlines import match_corners
@@ -50,7 +59,7 @@ from lidar_buildings.pipeline.config import PipelineConfig
 #: Those after which the roof is still the same.
 KINDS = ("strip", "discs", "half", "quarter", "rotated", "shifted", "noisy", "lines", "stretched")
 ROUND = ("barrel", "round_tower", "pointed_tower")
-CONDITION_KINDS = (LEVEL, POINT, CORNER, SLOPE, STRIKE)
+CONDITION_KINDS = (LEVEL, POINT, CORNER, SLOPE, STRIKE, EAVES, ALIKE)
 #: Matched corners, and those that may be taken for one another, are nearer [m]; the same one is, in plan [m].
 NEAR, SAME = 1.0, 0.02
 

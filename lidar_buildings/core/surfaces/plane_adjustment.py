@@ -27,8 +27,8 @@ _SIGNIFICANCE = 0.001
 _CRITICAL = chdtri(np.arange(101), _SIGNIFICANCE)
 #: What a test would have to find four times of five, in units of the standard deviation (Baarda 1968): where
 _POWER = 4.13
-#: slopes that differ by this [m/m] would not be found, it is not said that they do not.
-_SLOPE_TO_FIND = 0.25
+#: slopes that differ by this [m/m], or heights by this [m], would not be found, it is not said they do not.
+_SLOPE_TO_FIND, _HEIGHT_TO_FIND = 0.25, 0.5
 #: Roofs are built level to this [m/m], and level ones at one height to this [m].
 _LEVEL_SIGMA, _HEIGHT_SIGMA = 0.001, 0.01
 
@@ -55,9 +55,10 @@ def level_planes(planes: FreePlanes) -> IntArray:
     return surface
 
 
-#: Kinds of conditions: planes have a common point, are as high at a corner of the outline, as steep, or fall
-#: across a wall.
+#: Kinds of conditions: planes have a common point, are as high at a corner of the outline, as steep, fall
+#: across a wall, are as high at their eaves, are dormers alike.
 POINT, CORNER, SLOPE, STRIKE, LEVEL = "common points", "corners", "equal slopes", "strikes", "level"
+EAVES, ALIKE = "equal eaves", "alike dormers"
 #: Those that make up the roof's topology are met exactly, the others as exactly as roofs are built.
 _EXACT = (POINT, CORNER)
 
@@ -151,12 +152,13 @@ class Adjustment:
         return replace(found, held=self.held + tuple(held), refused=self.refused + refused)
 
     def _would_show(self, condition: Condition) -> bool:
-        """Whether the points would refuse a condition on slopes that does not hold."""
+        """Whether the points would refuse a condition on slopes or heights that does not hold."""
         if condition.kind in _EXACT:
             return True
         own = self.covariances[np.array(condition.planes) - 1]
         variance = np.einsum("eki,kij,ekj->e", condition.factors, own, condition.factors)
-        return bool(variance.max() + condition.sigma**2 <= (_SLOPE_TO_FIND / _POWER) ** 2)
+        to_find = _HEIGHT_TO_FIND if condition.factors[:, :, 2].any() else _SLOPE_TO_FIND
+        return bool(variance.max() + condition.sigma**2 <= (to_find / _POWER) ** 2)
 
 
 class _System(NamedTuple):

@@ -14,7 +14,9 @@ from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.directions import main_directions, wall_directions
 from lidar_buildings.core.stages.roof_topology.intersections import POINT_REACH, Pieces, piece_ends
 from lidar_buildings.core.surfaces.plane_adjustment import (
+    ALIKE,
     CORNER,
+    EAVES,
     POINT,
     SLOPE,
     STRIKE,
@@ -26,8 +28,17 @@ from lidar_buildings.core.surfaces.plane_adjustment import (
 #: How exactly roofs are built: a common point [m], where a hip meets the outline, in plan [m], directions of
 #: eaves [rad], slopes [m/m].
 _POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.03, 0.01, 0.01
+#: Eaves are at one height to this [m], seen at walls that are off by so many spacings.
+_EAVES_SIGMA, _WALL_SIGMA = 0.03, 0.12
+#: Dormers have no more than this share of the points of the plane that they stand on, and are in a row if
+#: none is farther up than so many spacings.
+_DORMER_SHARE, _IN_ROW = 0.33, 2.0
+#: A plane reaches a wall that is no farther from its centroid than so many standard deviations of its points
+#: and so many spacings.
+_DEPTH, _BEFORE_WALL = 2.0, 3.0
 #: Planes that fall farther off from across a wall do not [deg].
 _ACROSS_DEG = 20.0
+_ACROSS = math.cos(math.radians(_ACROSS_DEG))
 
 #: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
 _BESIDE_CORNER, _BEFORE_CORNER = 1.0, 3.0
@@ -55,6 +66,9 @@ def find_conditions(
         if len(walls):
             found += _corners(pieces, ends, walls[:, 0], planes, spacing)
         found += _equal_slopes(pieces, adjustment)
+        met = {one.planes for one in found if one.kind == CORNER}
+        found += [one for one in _equal_eaves(pieces, adjustment, walls, spacing) if one.planes not in met]
+        found += _alike(pieces, adjustment, spacing)
     return found + list(_strikes(adjustment, walls))
 
 
@@ -66,6 +80,69 @@ def _equal_slopes(pieces: Pieces, adjustment: Adjustment) -> Iterator[Condition]
             factors = np.zeros((1, 2, 3))
             factors[0, :, :2] = unit[i - 1], -unit[j - 1]
             yield Condition(SLOPE, (i, j), _SLOPE_SIGMA, factors)
+
+
+def _equal_eaves(
+    pieces: Pieces, adjustment: Adjustment, walls: FloatArray, spacing: float
+) -> Iterator[Condition]:
+    """Planes that meet may be as high where they end at walls that they fall across."""
+    places = _eaves(adjustment, walls, spacing)
+    steepness = np.hypot(*adjustment.coefficients[:, :2].T)
+    for i, j in sorted(set(zip(pieces.first.tolist(), pieces.second.tolist(), strict=True))):
+        if np.isfinite(places[[i - 1, j - 1]]).all():
+            off = _WALL_SIGMA * spacing * math.hypot(steepness[i - 1], steepness[j - 1])
+            difference = _height_difference(places[i - 1], places[j - 1])
+            yield Condition(EAVES, (i, j), math.hypot(_EAVES_SIGMA, off), difference)
+
+
+def _height_difference(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the factors of the height of one plane at one place less that of another at another."""
+    return np.array([[[*first, 1.0], [*-second, -1.0]]])
+
+
+def _eaves(adjustment: Adjustment, walls: FloatArray, spacing: float) -> FloatArray:
+    """Return where planes end at walls that they fall across, NaN if nowhere, shape (n_planes, 2)."""
+    unit, middle = _units(adjustment.coefficients), adjustment.free.mean[:, :2]
+    variance = np.einsum("ki,kij,kj->k", unit, adjustment.free.scatter[:, :2, :2], unit)
+    reach = _DEPTH * np.sqrt(variance / adjustment.free.counts) + _BEFORE_WALL * spacing
+    (u, v), (x, y) = -unit[:, :, None].transpose(1, 0, 2), (walls[:, 1] - walls[:, 0]).T
+    from_x, from_y = (walls[:, 0] - middle[:, None]).transpose(2, 0, 1)
+    across = u * y - v * x  # of a wall that the plane falls across, its length
+    is_eaves = across > _ACROSS * np.maximum(np.hypot(x, y), 1e-9)
+    safe = np.where(is_eaves, across, 1.0)
+    away, along = (from_x * y - from_y * x) / safe, (from_x * v - from_y * u) / safe
+    is_eaves &= (away > 0.0) & (away < reach[:, None]) & (along > 0.0) & (along < 1.0)
+    nearest = np.where(is_eaves, away, np.inf).min(axis=1, initial=np.inf)
+    return middle - unit * np.where(np.isfinite(nearest), nearest, np.nan)[:, None]
+
+
+def _alike(pieces: Pieces, adjustment: Adjustment, spacing: float) -> Iterator[Condition]:
+    """Dormers in a row, small planes that meet one larger plane in valleys, may be as steep and as high."""
+    planes, middle = adjustment.coefficients, adjustment.free.mean[:, :2]
+    unit = _units(planes)
+    counts, spread = adjustment.free.counts, adjustment.free.scatter[:, :2, :2]
+    both = np.column_stack([pieces.first, pieces.second])[~pieces.convex].astype(np.int64) - 1
+    both = both[(adjustment.surface[both] < 0).all(axis=1)]
+    both = np.take_along_axis(both, np.argsort(counts[both], axis=1), axis=1)
+    both = np.unique(both[counts[both[:, 0]] <= _DORMER_SHARE * counts[both[:, 1]]], axis=0)
+    for host in np.unique(both[:, 1]).tolist():
+        fall, along = unit[host], np.array([-unit[host, 1], unit[host, 0]])
+        row = sorted(both[both[:, 1] == host, 0].tolist(), key=lambda k: float(middle[k] @ along))
+        for n, i in enumerate(row):
+            for j in row[n + 1 :]:
+                away = float((middle[j] - middle[i]) @ fall)
+                if unit[i] @ unit[j] < _ACROSS or abs(away) > _IN_ROW * spacing:
+                    continue
+                pair = (min(i, j) + 1, max(i, j) + 1)
+                slopes = np.zeros((2, 2, 3))
+                slopes[:, 0, :2], slopes[:, 1, :2] = np.eye(2), -np.eye(2)
+                yield Condition(ALIKE, pair, _SLOPE_SIGMA, slopes)
+                # Where along the row a dormer is, is known no better than its centroid.
+                off = along @ (spread[i] / counts[i] ** 2 + spread[j] / counts[j] ** 2) @ along
+                sigma = math.sqrt(_EAVES_SIGMA**2 + float(off) * float(planes[i, :2] @ along) ** 2)
+                centroids = middle[[i, j]] + 0.5 * away * np.outer((1.0, -1.0), fall)
+                yield Condition(ALIKE, pair, sigma, _height_difference(*centroids)[:, :: 1 if i < j else -1])
+                break
 
 
 def _strikes(adjustment: Adjustment, walls: FloatArray) -> Iterator[Condition]:
