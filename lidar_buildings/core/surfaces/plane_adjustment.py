@@ -79,7 +79,7 @@ class Condition(NamedTuple):
         if self.kind != POINT:
             return self
         own = coefficients[np.array(self.planes) - 1]
-        (x, y, _), _ = common_point(own)
+        x, y, _ = common_point(own)
         # An unknown position is cancelled out of its planes' equations.
         position = np.ones((len(own), 3))
         position[:, :2] = own[:, :2]
@@ -349,7 +349,7 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
 @kernel
 def common_point(coefficients):  # type: ignore[no-untyped-def]
     """
-    Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].
+    Return where planes are nearest to meeting, x, y, z [m].
 
     Planes z = a x + b y + c that share a direction have their point far off.
     """
@@ -363,8 +363,4 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
         aa, ab, bb, ac, bc = aa + u * u, ab + u * v, bb + v * v, ac + u * w, bc + v * w
     determinant = aa * bb - ab * ab
     x, y = (ab * bc - bb * ac) / determinant, (ab * ac - aa * bc) / determinant
-    z = a * x + b * y + c
-    miss = 0.0
-    for p in coefficients:
-        miss += (p[0] * x + p[1] * y + p[2] - z) ** 2 / n
-    return np.array([x, y, z]), math.sqrt(miss)
+    return np.array([x, y, a * x + b * y + c])

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.directions import main_directions, wall_directions
-from lidar_buildings.core.stages.roof_topology.intersections import POINT_REACH, Pieces, piece_ends
+from lidar_buildings.core.stages.roof_topology.intersections import Pieces, piece_ends
 from lidar_buildings.core.surfaces.plane_adjustment import (
     ALIKE,
     CORNER,
@@ -44,8 +44,6 @@ _ACROSS = math.cos(math.radians(_ACROSS_DEG))
 _BESIDE_CORNER, _BEFORE_CORNER = 1.0, 3.0
 #: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
 _SAME_POINT = 3.0
-#: Planes miss their common point by no more than this, root mean square [m].
-_MOST_MISS = 0.08
 #: Three planes meet in a point anyway.
 _LEAST_PLANES = 4
 
@@ -202,15 +200,10 @@ def _common_points(
         mine = members[number]
         if 2 * len(mine) < _LEAST_PLANES or len(met := _planes_of(pairs[mine])) < _LEAST_PLANES:
             continue
-        agreed = sorted(met)
-        point, miss = common_point(gradients[np.array(agreed) - 1])
-        apart = np.hypot(*(positions[mine] - point[:2]).T).min()
-        if miss <= _MOST_MISS and apart <= _SAME_POINT * spacing:
-            near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
-            others = np.array(sorted(_planes_of(pairs[near]).difference(agreed)), dtype=np.int64)
-            miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
-            agreed += others[np.abs(miss) <= _MOST_MISS].tolist()
-            yield Condition(POINT, tuple(sorted(agreed)), _POINT_SIGMA)
+        planes = tuple(sorted(met))
+        point = common_point(gradients[np.array(planes) - 1])
+        if np.hypot(*(positions[mine] - point[:2]).T).min() <= _SAME_POINT * spacing:
+            yield Condition(POINT, planes, _POINT_SIGMA)
 
 
 def _planes_of(pairs: NDArray[np.int32]) -> set[int]:

@@ -43,10 +43,8 @@ def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyp
 LEAST_BEND = 0.01
 #: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
 _TOLERANCE = 0.75
-#: at the ends of a piece no farther than so many spacings more than the gap,
+#: at the ends of a piece no farther than so many spacings more than the gap.
 _END_TOLERANCE = 0.35
-#: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
-_NOISE = 0.06
 #: Borders so near beside a piece of the line [spacings] are no steps.
 _BESIDE = 2.5
 #: Shortest piece, and longest gap within one, in spacings.
@@ -130,7 +128,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
         fx, fy, ux, uy, bend = lines[pair, 0], lines[pair, 1], lines[pair, 2], lines[pair, 3], lines[pair, 4]
         if bend < LEAST_BEND:
             continue
-        least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
+        least, strict = _TOLERANCE * spacing, _END_TOLERANCE * spacing
         n = np.int64(0)
         for k in range(a, b):
             x, y = xy[k, 0], xy[k, 1]
