@@ -21,7 +21,7 @@ from lidar_buildings.core.stages.regularisation.regularising import (
     regularise_outline,
 )
 from lidar_buildings.core.stages.regularisation.samples import ring_spacing, working_spacing
-from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
+from lidar_buildings.core.stages.regularisation.shared_walls import MAX_CHANGE, share_walls
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 _log = logging.getLogger(__name__)
@@ -118,12 +118,27 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
 
 
 def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
-    """Give buildings of a block that overlap their traced outlines, the smaller one first."""
+    """
+    Part the outlines of a block where they overlap, in place.
+
+    The one whose traced ring holds less of the overlap loses it; where that would change it too much, both
+    get back their traced outlines, the smaller one first.
+    """
     # rings that messages bring may cross themselves
     polygons = made_valid(np.array([outlines[row].polygon for row in members], dtype=object))
     before = made_valid(np.array([traced[row].polygon for row in members], dtype=object))
     pairs = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     for one, other in sorted(pairs[:, pairs[0] < pairs[1]].T.tolist()):
+        overlap = polygons[one].intersection(polygons[other])
+        if overlap.area <= _MAX_OVERLAP:
+            continue
+        held = {k: before[k].intersection(overlap).area for k in (one, other)}
+        loser = min(held, key=lambda k: (held[k], traced[members[k]].area, k))
+        rest = shapely.difference(polygons[loser], polygons[one + other - loser])
+        if rest.geom_type == "Polygon" and rest.area >= (1.0 - MAX_CHANGE) * polygons[loser].area:
+            cut = Outline.of(rest).as_carried()
+            if _sound(cut, traced[members[loser]]) is cut:
+                outlines[members[loser]], polygons[loser] = cut, cut.polygon
         for k in sorted((one, other), key=lambda k: (traced[members[k]].area, k)):
             if polygons[one].intersection(polygons[other]).area <= _MAX_OVERLAP:
                 break

@@ -55,7 +55,7 @@ def test_an_outline_that_rounding_would_spoil_stays_as_traced(monkeypatch):
     assert result.quality.status is BuildingStatus.TRACED_OUTLINE
 
 
-def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(monkeypatch):
+def test_walls_that_would_lie_over_a_neighbour_end_where_it_has_its_points(monkeypatch):
     large, small = ring_of(shapely.box(0, 0, 20, 10)), ring_of(shapely.box(20.5, 2, 26.5, 8))
     grown = {
         len(large.exterior): shapely.box(0, 0, 23, 10),
@@ -70,9 +70,25 @@ def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(m
     given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((large, small)))
     alone = RegularisationConfig(max_wall_gap=0.0)
     result = polygons(one.outline for one in regularise_outlines(given, alone))
-    # The small one alone does not part them: the large one keeps its ring, too.
     assert result[0].intersection(result[1]).area == 0.0
+    assert result[0].equals(shapely.difference(shapely.box(0, 0, 23, 10), result[1]))
     assert result[1].equals(shapely.box(20.5, 2, 26.5, 8))
+
+
+def test_overlapping_walls_that_cannot_be_cut_leave_both_as_traced(monkeypatch):
+    long, wide = ring_of(shapely.box(0, 4, 20, 6)), ring_of(shapely.box(4, 6.4, 12, 19))
+    grown = {len(long.exterior): shapely.box(0, 4, 20, 6), len(wide.exterior): shapely.box(4, -9, 12, 19)}
+
+    def grow(traced, _):
+        box = shapely.orient_polygons(grown[len(traced.exterior)])
+        return regularised(Outline(shapely.get_coordinates(box.exterior)[:-1]))
+
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.regularise_outline", grow)
+    given = tuple(BuildingOutline(k + 1, one) for k, one in enumerate((long, wide)))
+    results = regularise_outlines(given, RegularisationConfig(max_wall_gap=0.0))
+    found = polygons(one.outline for one in results)
+    assert found[0].intersection(found[1]).area == 0.0
+    assert BuildingStatus.TRACED_OUTLINE in [one.quality.status for one in results]
 
 
 def test_a_block_whose_walls_cannot_be_shared_costs_no_other_building(monkeypatch, caplog):
