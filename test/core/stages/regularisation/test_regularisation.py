@@ -243,8 +243,8 @@ def test_where_walls_would_cross_at_a_neck_the_ring_is_followed_and_nowhere_else
 
 
 def test_rings_whose_walls_make_up_no_polygon_stay_as_traced_but_for_what_is_no_step():
-    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ring = 0.4 * np.column_stack([np.cos(turns), np.sin(turns)])
+    box = shapely.box(0.0, 0.0, 0.7, 0.6)  # shorter than walls are
+    ring = shapely.get_coordinates(shapely.segmentize(box.exterior, 0.1))[:-1]
     result = regularise_outline(Outline(ring).oriented())
     assert result.status is BuildingStatus.TRACED_OUTLINE
     assert result.reason
