@@ -214,10 +214,10 @@ def arc_chords(
     widest = 2.0 * math.acos((radius - error) / (radius + error))
     is_open = bool((start != end).any())
     sweep = float(swept(shape, start, end)) if is_open else 2.0 * math.pi
-    lead, fewest = (_LEAD, 2) if is_open else (1.0, 3)
-    n_chords = max(math.ceil(sweep / widest + 2.0 - 2.0 * lead), fewest)
+    lead = _LEAD if is_open else 1.0
+    n_chords = max(math.ceil(sweep / widest + 2.0 - 2.0 * lead), 2)
     shortest = fit.shortest / (2.0 * radius)
-    while n_chords > fewest and math.sin(0.5 * lead * sweep / (n_chords - 2.0 + 2.0 * lead)) < shortest:
+    while n_chords > 2 and math.sin(0.5 * lead * sweep / (n_chords - 2.0 + 2.0 * lead)) < shortest:
         n_chords -= 1
     width = sweep / (n_chords - 2.0 + 2.0 * lead)
     middle = shape[[CENTRE_X, CENTRE_Y]]
