@@ -11,10 +11,10 @@ import argparse
 import os
 import shutil
 import signal
-import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import get_context
 
@@ -31,8 +31,8 @@ from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig, TilingConf
 
 #: Folder beside the points in which the result is made, until it is whole.
 _RESULT = "result"
-#: Period of looking whether it is done, or not wanted any more [s].
-_TICK = 0.1
+#: How often it is looked whether it is not wanted any more; a signal that was lost is sent again so late [s].
+_TICK, _PATIENCE = 0.1, 5.0
 
 
 def make_final(request: RunRequest, is_stopped: Callable[[], bool]) -> RunOutcome | None:
@@ -74,11 +74,12 @@ def _tiling(request: RunRequest) -> TilingConfig:
 def _done_elsewhere(request: RunRequest, is_stopped: Callable[[], bool]) -> RunOutcome | None:
     with ProcessPoolExecutor(1, get_context("spawn"), initializer=_begin) as process:
         number, work = process.submit(os.getpid), process.submit(_run, request)
-        while not (work.done() or is_stopped()):
-            time.sleep(_TICK)
-        if not work.done():
-            os.kill(number.result(), signal.SIGTERM)
-    return None if isinstance(work.exception(), KeyboardInterrupt) else work.result()
+        while not work.done():
+            if is_stopped():
+                with suppress(ProcessLookupError):
+                    os.kill(number.result(), signal.SIGTERM)
+            wait([work], _PATIENCE if is_stopped() else _TICK)
+    return None if is_stopped() else work.result()
 
 
 def _begin() -> None:
