@@ -223,7 +223,7 @@ def arc_chords(
     middle = shape[[CENTRE_X, CENTRE_Y]]
     first = math.atan2(*(start - middle)[::-1])
     turns = first + math.copysign(width, shape[RADIUS]) * (lead + np.arange(n_chords - is_open))
-    out = 2.0 * radius / (1.0 + math.cos(0.5 * width))
+    out = 2.0 * radius / (1.0 + max(math.cos(0.5 * width), 0.5))
     return np.asarray(middle + out * np.column_stack([np.cos(turns), np.sin(turns)]))
 
 
