@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import extent_of
@@ -95,19 +96,46 @@ def _nearest_points(
     places: FloatArray, plane_id: NDArray[np.uint16], shape: tuple[int, int]
 ) -> NDArray[np.int32]:
     """Return the row of the nearest point of a plane for every cell, row by row; places are in cells."""
-    known = np.flatnonzero(plane_id)
-    column, row = places[known].astype(np.int64).T
-    order = np.argsort(-np.hypot(*(places[known] % 1.0 - 0.5).T), kind="stable")  # the nearest last
-    nearest = np.full(shape, -1, dtype=np.int32)
-    nearest[row[order], column[order]] = known[order]
+    nearest = _nearest_inside(places, plane_id, shape)
     at = ndimage.distance_transform_edt(nearest < 0, return_distances=False, return_indices=True)
-    nearest = nearest[tuple(at)]
-    # Beside borders points of the cells around may be nearer.
-    label = plane_id[nearest]
-    row, column = np.nonzero(ndimage.maximum_filter(label, 3) != ndimage.minimum_filter(label, 3))
-    around = [(row + r, column + c) for r, c in ((0, 0), (0, -1), (0, 1), (-1, 0), (1, 0))]
-    found = np.stack([nearest[np.clip(r, 0, shape[0] - 1), np.clip(c, 0, shape[1] - 1)] for r, c in around])
-    x, y = np.ascontiguousarray(places.T)
-    closest = ((x[found] - column - 0.5) ** 2 + (y[found] - row - 0.5) ** 2).argmin(axis=0)
-    nearest[row, column] = found[closest, np.arange(len(row))]
-    return nearest.ravel()
+    return _nearest_beside(places, plane_id, nearest[tuple(at)]).ravel()
+
+
+@kernel
+def _nearest_inside(places, plane_id, shape):  # type: ignore[no-untyped-def]
+    """Return the point of a plane in each cell that is nearest to its middle, -1 in those without any."""
+    nearest, least = np.full(shape, -1, np.int32), np.full(shape, np.inf)
+    for i in range(len(places)):
+        if plane_id[i] > 0:
+            row, column = int(places[i, 1]), int(places[i, 0])
+            square = (places[i, 0] - column - 0.5) ** 2 + (places[i, 1] - row - 0.5) ** 2
+            if square <= least[row, column]:
+                nearest[row, column], least[row, column] = i, square
+    return nearest
+
+
+@kernel
+def _nearest_beside(places, plane_id, nearest):  # type: ignore[no-untyped-def]
+    """Return each cell's nearest point; beside borders those of the cells around may be nearer."""
+    found, (n_rows, n_columns) = nearest.copy(), nearest.shape
+    for row in range(n_rows):
+        for column in range(n_columns):
+            label, is_beside, least = plane_id[nearest[row, column]], False, np.inf
+            for r in range(max(row - 1, 0), min(row + 2, n_rows)):
+                for c in range(max(column - 1, 0), min(column + 2, n_columns)):
+                    is_beside |= plane_id[nearest[r, c]] != label
+            if not is_beside:
+                continue
+            for r, c in (
+                (row, column),
+                (row, column - 1),
+                (row, column + 1),
+                (row - 1, column),
+                (row + 1, column),
+            ):
+                if 0 <= r < n_rows and 0 <= c < n_columns:
+                    i = nearest[r, c]
+                    square = (places[i, 0] - column - 0.5) ** 2 + (places[i, 1] - row - 0.5) ** 2
+                    if square < least:
+                        found[row, column], least = i, square
+    return found
