@@ -284,17 +284,19 @@ def _simplify(  # type: ignore[no-untyped-def]
     known = (mark, work, longer, looked, changed, areas, min_area)
     _search(known, labels, costs, corner_cost, graph)
     best, shortest, is_new = labels.copy(), _length(labels, costs, corner_cost, graph), True
-    gathered = np.zeros(n_cells, np.int64)
+    settled, gathered, asked = changed.copy(), np.zeros(n_cells, np.int64), np.full(len(tried), -1, np.int64)
     while is_new:
         is_new = False
         for label in range(costs.shape[1]):
             visit = mark[0] + 1
+            last, asked[label] = asked[label], visit
             for c in range(n_cells):
                 if gathered[c] >= visit or not costs[c, label] < costs[c, labels[c]]:
                     continue
                 mark[0] += 1
                 n, gain = _gather(c, label, mark[0], members, gathered, labels, costs, graph)
-                if gain <= _FEWEST_CORNERS * corner_cost:
+                # Nor is asked again where nothing has changed.
+                if gain <= _FEWEST_CORNERS * corner_cost or changed[members[:n]].max() < last:
                     continue
                 for i in range(n):
                     labels[members[i]] = label
@@ -304,8 +306,8 @@ def _simplify(  # type: ignore[no-untyped-def]
                 _search(known, labels, costs, corner_cost, graph)
                 length = _length(labels, costs, corner_cost, graph)
                 if length < shortest - EPSILON:
-                    best[:], shortest, is_new = labels, length, True
-                labels[:] = best
+                    best[:], settled[:], shortest, is_new = labels, changed, length, True
+                labels[:], changed[:] = best, settled
 
 
 @kernel
