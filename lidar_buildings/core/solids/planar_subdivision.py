@@ -108,7 +108,7 @@ def straightened_rings(
     row = row[: len(corners)]
     edges = np.column_stack([row[:-1], row[1:]])[~is_end[:-1]]
     edges = np.unique(np.sort(edges, axis=1), axis=0)
-    is_left = ~_straight(places, edges, stays, max_bend)[row] & ~is_end
+    is_left = ~straight_places(places, edges, stays, max_bend)[row] & ~is_end
     result: list[list[IntArray]] = [[] for _ in polygons]
     parts = np.split(corners[is_left], np.cumsum(np.bincount(ring[is_left], minlength=len(lines)))[:-1])
     for own, part in zip(polygon.tolist(), parts, strict=True):
@@ -118,8 +118,13 @@ def straightened_rings(
 
 
 @kernel
-def _straight(places, edges, stays, max_bend):  # type: ignore[no-untyped-def]
-    """Say which places go, one after the other by rising x, then y."""
+def straight_places(places, edges, stays, max_bend):  # type: ignore[no-untyped-def]
+    """
+    Say which places between two others go, as no edge bends there: one after the other, as they are sorted.
+
+    A place goes that is no farther than `max_bend` from the line through those that are left beside it, if it
+    is not one that stays; edges are rows of two places, (n_edges, 2).
+    """
     ends = edges.reshape(-1)
     rows, first = rows_by_group(ends, len(places))
     near, goes = ends[rows ^ 1], np.zeros(len(places), np.bool_)

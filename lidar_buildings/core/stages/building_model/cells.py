@@ -7,6 +7,7 @@ Vertices are rounded to the output grid, so that cells are valid as they will be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -22,6 +23,7 @@ from lidar_buildings.core.solids.planar_subdivision import (
     divide_plane,
     face_owners,
     graph_of,
+    straight_places,
     straightened_rings,
 )
 
@@ -106,6 +108,10 @@ class Cells:
         return len(self.areas)
 
 
+#: Rounding moves edges by less [steps of the grid].
+_ROUNDED = 2.0
+
+
 def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     """
     Cut an outline, valid and on the output grid, along segments.
@@ -115,17 +121,66 @@ def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     steps = shapely.transform(outline.polygon, lambda xy: np.rint(xy / GRID))
     lines = shapely.linestrings(segments / GRID)
     faces = divide_plane(np.append(lines, steps.boundary), 1.0) if len(segments) else np.array([steps])
-    faces = faces[face_owners(faces, np.array([steps])) != OUTSIDE]
-    faces = faces[np.lexsort(shapely.bounds(faces).T[::-1])]
-    graph = graph_of(faces, np.arange(len(faces)))
-    if graph is None:
+    cells = _cells_of(faces[face_owners(faces, np.array([steps])) != OUTSIDE])
+    if cells is None:
         raise RuntimeError("faces of one subdivision overlap")
+    return cells
+
+
+def cut_again(cells: Cells, group: IntArray, segments: FloatArray) -> Cells:
+    """
+    Return the cells of each group, numbered from 0, as one, and those that segments run through cut.
+
+    All are cut anew if those do not fit the others any more: what was rounded once may be rounded again.
+    """
+    joined = _joined(cells, group)
+    lines = shapely.linestrings(segments / GRID)
+    _, near = shapely.STRtree(joined).query(lines, predicate="dwithin", distance=_ROUNDED)
+    is_near = np.bincount(near, minlength=len(joined)) > 0
+    for is_cut in (is_near, np.ones_like(is_near)):
+        faces = divide_plane(np.append(lines, shapely.boundary(joined[is_cut])), 1.0)
+        faces = faces[face_owners(faces, joined[is_cut]) != OUTSIDE]
+        found = _cells_of(np.append(joined[~is_cut], faces))
+        if found is not None and (is_cut.all() or _outer_length(found) < _outer_length(cells) + GRID):
+            return found
+    raise RuntimeError("faces of one subdivision overlap")
+
+
+def _outer_length(cells: Cells) -> float:
+    ends = cells.vertices[cells.borders[(cells.sides < 0).any(axis=1)]]
+    return float(np.hypot(*(ends[:, 1] - ends[:, 0]).T).sum())
+
+
+def _cells_of(polygons: NDArray[np.object_]) -> Cells | None:
+    polygons = polygons[np.lexsort(shapely.bounds(polygons).T[::-1])]
+    graph = graph_of(polygons, np.arange(len(polygons)))
+    if graph is None:
+        return None
     scale = round(1.0 / GRID)
-    return Cells(faces, graph.places / scale, graph.ends, graph.sides, shapely.area(faces) / scale**2)
+    return Cells(polygons, graph.places / scale, graph.ends, graph.sides, shapely.area(polygons) / scale**2)
+
+
+def _joined(cells: Cells, group: IntArray) -> NDArray[np.object_]:
+    """Return the cells of each group, numbered from 0, as one polygon."""
+    rows, first = rows_by_group(group, group.max(initial=-1) + 1)
+    groups = [cells.polygons[rows[begin:end]] for begin, end in pairwise(first.tolist())]
+    return np.array(
+        [one[0] if len(one) == 1 else shapely.coverage_union_all(one) for one in groups], dtype=object
+    )
 
 
 #: A vertex nearer to the line through its neighbours than this is no corner [steps of the grid].
 _STRAIGHT = 4.0
+
+
+def face_corners(cells: Cells, face: IntArray, outline: Outline) -> IntArray:
+    """Return the rows of the vertices that `face_rings` has."""
+    places = np.rint(cells.vertices / GRID)
+    stays = np.isin(places @ (1.0, 1j), np.rint(np.concatenate(outline.rings) / GRID) @ (1.0, 1j))
+    sides = np.where(cells.sides >= 0, face[cells.sides], -1)
+    edges = cells.borders[sides[:, 0] != sides[:, 1]]
+    goes = straight_places(places, edges, stays, _STRAIGHT)
+    return np.setdiff1d(edges, np.flatnonzero(goes))
 
 
 def face_rings(cells: Cells, face: IntArray, outline: Outline) -> list[tuple[FloatArray, ...]]:
@@ -135,9 +190,8 @@ def face_rings(cells: Cells, face: IntArray, outline: Outline) -> list[tuple[Flo
     The outline keeps its own vertices, whatever lies around them. A face has its outer ring first, open [m];
     none if it has no corners: the solid closes such gaps.
     """
-    faces = [shapely.coverage_union_all(cells.polygons[face == k]) for k in range(face.max(initial=-1) + 1)]
     kept = np.rint(np.concatenate(outline.rings) / GRID).astype(np.int64)
-    rings = straightened_rings(np.array(faces, dtype=object), kept, _STRAIGHT)
+    rings = straightened_rings(_joined(cells, face), kept, _STRAIGHT)
     return [tuple(ring / round(1.0 / GRID) for ring in group) for group in rings]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from lidar_buildings.core.stages.building_model.cell_costs import (
 from lidar_buildings.core.stages.building_model.cells import (
     Cells,
     cells_of_points,
+    cut_again,
     cut_into_cells,
     extend_segments,
+    face_corners,
     face_rings,
 )
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
@@ -159,8 +161,8 @@ def partition_outline(
     what stands on the roof.
 
     Where a corner of a face leaves what points near explain (`Limits`), its plane may not be there: the cell
-    is cut between the points that agree and the corner, or gets a level roof, and all are divided again. No
-    roof lies below `floor` [m] where no point does.
+    is cut between the points that agree and the corner, or is offered a level roof, and planes are chosen
+    again, faces whole. No roof lies below `floor` [m] where no point does.
     """
     cuts = lines[0][:0]
     if len(planes) > 1:
@@ -169,8 +171,8 @@ def partition_outline(
     weights = point_weights(points, outline.exterior, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     limits, left = Limits(points, spacing, floor), np.empty((0, 3))
-    for _ in range(_MOST_ROUNDS):
-        cells = cut_into_cells(outline, cuts)
+    cells = cut_into_cells(outline, cuts)
+    for rounds_left in reversed(range(_MOST_ROUNDS)):
         cell = cells_of_points(cells, points)
         costs = plane_costs(points, weights, cell, cells, planes, spacing)
         not_allowed = limits.not_allowed(cells, planes, left)
@@ -181,26 +183,25 @@ def partition_outline(
             costs[not_allowed] = _NOT_ALLOWED
             labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
         face, own = join_equal_cells(cells, labels), planes[labels]
-        rings = face_rings(cells, face, outline)
-        at, corners = limits.corners_left(cells, own, np.concatenate(list(chain(*rings))))
-        if not len(at):
+        at, corners = limits.corners_left(cells, own, face_corners(cells, face, outline))
+        if not len(at) or not rounds_left:
             break
         left = np.concatenate([left, corners])
-        # Faces stay as they are, but for the cells at these corners.
-        sides = labels[cells.sides]
-        is_cut = (cells.sides >= 0).all(axis=1)
-        is_cut &= (sides[:, 0] != sides[:, 1]) | np.isin(cells.sides, at).any(axis=1)
-        cuts = cells.vertices[cells.borders[is_cut]]
+        new_cuts: list[FloatArray] = []
+        heights: list[float] = []
         for c, corner in zip(at.tolist(), corners[:, :2], strict=True):
-            over = points[cell == c]
+            polygon, over = cells.polygons[c], points[cell == c]
             agrees = np.abs(over[:, :2] @ own[c, :2] + own[c, 2] - over[:, 2]) <= _AGREES
-            heights: list[float] = []
-            polygon = cells.polygons[c]
             new = limits.cut_off(polygon, over[agrees, :2], corner) if agrees.any() else []
             if not new:
-                new, heights = limits.level(polygon, over, left)
-            cuts = np.concatenate([cuts, *(one[None] for one in new)])
-            planes = np.concatenate([planes, *([[0.0, 0.0, z]] for z in heights)])
+                new, levels = limits.level(polygon, over, left)
+                heights += levels
+            new_cuts += new
+        planes = np.concatenate([planes, *([[0.0, 0.0, z]] for z in heights)])
+        alone = labels.copy()
+        alone[at] = len(planes) + at
+        cells = cut_again(cells, join_equal_cells(cells, alone), np.array(new_cuts).reshape(-1, 2, 2))
+    rings = face_rings(cells, face, outline)
     of_face = np.empty((len(rings), 3))
     of_face[face] = own
     part = parts_of_one_height(cells, face, of_face, config.min_part_step).tolist()

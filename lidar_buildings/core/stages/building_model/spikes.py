@@ -121,17 +121,18 @@ class Limits(NamedTuple):
         np.logical_or.at(found, cell, left.T[corner])
         return found
 
-    def corners_left(self, cells: Cells, planes: FloatArray, kept: FloatArray) -> tuple[IntArray, FloatArray]:
+    def corners_left(
+        self, cells: Cells, planes: FloatArray, vertices: IntArray
+    ) -> tuple[IntArray, FloatArray]:
         """
         Return the cells at which corners of faces lie where no point explains them, and x, y and slope there.
 
-        `planes` (n_cells, 3) are the cells' own, `kept` (n, 2) the vertices of faces. Where planes cross on a
-        border there is a corner, too; at one that faces share the least of their slopes counts.
+        `planes` (n_cells, 3) are the cells' own, `vertices` the rows of those that faces have. Where planes
+        cross on a border there is a corner, too; at one that faces share the least of their slopes counts.
         """
         vertex, cell = cells.borders[:, [0, 0, 1, 1]].ravel(), cells.sides[:, [0, 1, 0, 1]].ravel()
-        keys, of_faces = (np.rint(xy / GRID) @ (1.0, 1j) for xy in (cells.vertices, kept))
-        is_corner = (cell >= 0) & np.isin(keys, of_faces)[vertex]
-        vertex, cell = np.unique(np.column_stack([vertex, cell])[is_corner], axis=0).T
+        is_corner = (cell >= 0) & np.isin(vertex, vertices)
+        vertex, cell = np.divmod(np.unique((vertex * len(cells) + cell)[is_corner]), len(cells))
         places = cells.vertices[vertex]
         sides = cells.sides[(cells.sides >= 0).all(axis=1)]
         ends = cells.vertices[cells.borders[(cells.sides >= 0).all(axis=1)]]

@@ -42,7 +42,7 @@ def test_a_corner_of_a_face_is_left_where_its_plane_rises_above_the_points_near(
     cells = cells_of(SQUARE, 8.0)
     planes = np.where(cells.areas[:, None] > 50.0, [0.0, 0.0, 6.0], [1.0, 0.0, -2.0])
     limits = Limits(POINTS[np.argsort(POINTS[:, 1])], SPACING, 0.0)
-    cell, corners = limits.corners_left(cells, planes, cells.vertices)
+    cell, corners = limits.corners_left(cells, planes, np.arange(len(cells.vertices)))
     assert np.unique(cells.areas[cell]).tolist() == [20.0]
     assert sorted(corners.tolist()) == [[10.0, 0.0, 1.0], [10.0, 10.0, 1.0]]
     not_allowed = limits.not_allowed(cells, np.array([[0.0, 0.0, 6.0], [1.0, 0.0, -2.0]]), corners)
@@ -55,7 +55,7 @@ def test_planes_that_cross_on_a_border_have_a_corner_there():
     middle = POINTS[:, 2] + 3.0 * (np.abs(POINTS[:, 1] - 5.0) < 2.0)  # what both planes miss
     points = np.column_stack([POINTS[:, :2], middle])[np.argsort(POINTS[:, 1])]
     planes = np.array([[0.0, 0.05, 5.75], [0.0, -0.05, 6.25]])
-    _, corners = Limits(points, SPACING, 0.0).corners_left(cells, planes, cells.vertices)
+    _, corners = Limits(points, SPACING, 0.0).corners_left(cells, planes, np.arange(len(cells.vertices)))
     assert np.unique(corners, axis=0) == pytest.approx(np.array([[5.0, 5.0, 0.05]]))
 
 
