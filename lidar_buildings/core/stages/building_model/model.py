@@ -205,7 +205,7 @@ class _Roof:
 
     @property
     def sampling(self) -> Sampling:
-        return Sampling(self.spacing, self.wall_bias if self.is_traced else None)
+        return Sampling(self.points, self.spacing, self.wall_bias if self.is_traced else None)
 
 
 def build_model(
