@@ -67,28 +67,30 @@ _VERTEX, _NEXT, _BEFORE, _FACE = range(4)
 def _contract(  # type: ignore[no-untyped-def]
     nodes, places, is_kept, low, high, planes, counted, over, points, weights, spacing, floor, prices
 ):
-    known = places, is_kept, low, high, planes, counted, points, weights, spacing, floor, prices
-    lengths = np.empty(len(nodes))
-    first, last = np.empty(len(nodes), np.int64), np.empty(len(nodes), np.int64)
+    known = places, low, high, planes, counted, points, weights, spacing, floor, prices
+    lengths, edges = np.empty(2 * len(nodes)), np.empty((2 * len(nodes), 2), np.int64)
     rows, faces = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
-    is_new = True
-    while is_new:
-        is_new, n = False, 0
-        for i in range(len(nodes)):
-            u = nodes[i, _VERTEX]
-            if u >= 0:
-                v = nodes[nodes[i, _NEXT], _VERTEX]
-                first[n], last[n] = u, v
-                lengths[n] = math.hypot(places[u, 0] - places[v, 0], places[u, 1] - places[v, 1])
-                n += 1
+    # The round in which what lies round a vertex last changed.
+    changed, this_round = np.zeros(len(places), np.int64), 0
+    while changed.max() == this_round:
+        n, this_round = 0, this_round + 1
+        for u, after, before, _ in nodes:
+            for way in (after, before):
+                v = nodes[way, _VERTEX]
+                if u < 0 or is_kept[u] or max(changed[u], changed[v]) < this_round - 1:
+                    continue
+                if way == after or _is_outer(v, u, nodes):
+                    edges[n, 0], edges[n, 1], lengths[n] = u, v, _distance(u, v, places)
+                    n += 1
         for k in np.argsort(lengths[:n], kind="mergesort"):
-            u, v = first[k], last[k]
-            if is_kept[u] or not _is_edge(u, v, nodes):
+            u, v = edges[k]
+            around, at = _around(u, nodes)
+            if v not in around:
                 continue
             given = nodes.copy()
-            gain, n_changed = _moved(u, v, nodes, over, rows, faces, known)
-            if gain > EPSILON:
-                is_new = True
+            gain, n_changed = _moved(u, v, around, at, nodes, over, rows, faces, known)
+            if gain > EPSILON and _is_free(u, v, around, given, places) and _is_explained(v, nodes, known):
+                changed[around] = this_round
                 for i in range(n_changed):
                     over[rows[i]] = faces[i]
             else:
@@ -96,31 +98,28 @@ def _contract(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_edge(u, v, nodes):  # type: ignore[no-untyped-def]
-    for one, after, before, _ in nodes:
-        if one == u and (nodes[after, _VERTEX] == v or nodes[before, _VERTEX] == v):
-            return True
-    return False
+def _is_outer(u, v, nodes):  # type: ignore[no-untyped-def]
+    """Tell whether no face has the edge from the second to the first vertex."""
+    n = 0
+    for one, after, _, _ in nodes:
+        n += one == v and nodes[after, _VERTEX] == u
+    return n == 0
 
 
 @kernel
-def _moved(u, v, nodes, over, rows, faces, known):  # type: ignore[no-untyped-def]
+def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[no-untyped-def]
     """
     Move vertex u into v; return what is gained [m³], and how many points change their faces.
 
-    0 if it may not be; the points and their faces are written.
+    0 if a face would vanish or touch itself; the points and their faces are written.
     """
-    places, _, _, _, planes, counted, points, weights, _, _, prices = known
-    around, at = _around(u, nodes)
-    if not _is_free(u, v, around, at, nodes, places):
-        return 0.0, 0
-    gain = 0.0
+    places, _, _, planes, counted, points, weights, _, _, prices = known
+    gain = prices[1] * _corners(u, nodes, places, planes)
     for w in around:
         gain += prices[1] * _corners(w, nodes, places, planes) + prices[0] * _distance(u, w, places)
         if w != v:
             gain -= prices[0] * _distance(v, w, places)
-    gain += prices[1] * _corners(u, nodes, places, planes)
-    is_its = np.zeros(len(planes), np.bool_)
+    is_its, is_there = np.zeros(len(planes), np.bool_), np.zeros(len(planes), np.bool_)
     for i in at:
         is_its[nodes[i, _FACE]] = True
         one, other = nodes[i, _BEFORE], nodes[i, _NEXT]
@@ -129,21 +128,19 @@ def _moved(u, v, nodes, over, rows, faces, known):  # type: ignore[no-untyped-de
             nodes[one, _NEXT], nodes[other, _BEFORE], nodes[i, _VERTEX] = other, one, -1
             if nodes[other, _NEXT] == one:
                 return 0.0, 0
-    is_there = np.zeros(len(planes), np.bool_)
-    for i in range(len(nodes)):
-        if nodes[i, _VERTEX] == v:
-            if is_there[nodes[i, _FACE]]:
+    for one, _, _, face in nodes:
+        if one == v:
+            if is_there[face]:
                 return 0.0, 0
-            is_there[nodes[i, _FACE]] = True
+            is_there[face] = True
     for w in around:
         gain -= prices[1] * _corners(w, nodes, places, planes)
-    if gain <= EPSILON or not _is_explained(v, around, nodes, known):
-        return 0.0, 0
-    n = 0
     x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
-    west, south, east, north = x.min(), y.min(), x.max(), y.max()
+    west, south, east, north, n = x.min(), y.min(), x.max(), y.max(), 0
     for i in range(np.searchsorted(points[:, 1], south), np.searchsorted(points[:, 1], north)):
         (x, y, z), old, is_swept = points[i], over[i], False
+        if gain <= EPSILON:
+            break
         if not west <= x <= east or old < 0 or not is_its[old]:
             continue
         for w in around:
@@ -155,8 +152,6 @@ def _moved(u, v, nodes, over, rows, faces, known):  # type: ignore[no-untyped-de
         for f, sign in ((old, 1.0), (new, -1.0)):
             off = abs(z - (planes[f, 0] * x + planes[f, 1] * y + planes[f, 2]))
             gain += sign * weights[i] * misfit_of(counted[f] * off)
-        if gain <= EPSILON:
-            return 0.0, 0
     return gain, n
 
 
@@ -177,41 +172,30 @@ def _around(u, nodes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_free(u, v, around, at, nodes, places):  # type: ignore[no-untyped-def]
-    """Tell whether nothing lies where edges move, and the outline stays."""
+def _is_free(u, v, around, nodes, places):  # type: ignore[no-untyped-def]
+    """Tell whether nothing lies where edges move with vertex u into v, and the outline stays."""
+    n_outer = 0
     for w in around:
-        n_sides = 0
-        for i in at:
-            n_sides += (nodes[nodes[i, _BEFORE], _VERTEX] == w) + (nodes[nodes[i, _NEXT], _VERTEX] == w)
-        if n_sides == 1 and w != v and _off_edge(u, w, v, places) > _ON_WALL:
-            return False
-        if n_sides == 2 and w == v:
-            for i in at:
-                if _is_outer(i, at, nodes):
-                    return False
-    for x in nodes[:, _VERTEX]:
-        if x < 0 or x in (u, v):
+        if _is_outer(u, w, nodes) or _is_outer(w, u, nodes):
+            n_outer += 1 + 2 * (w == v)
+            if w != v and _off_edge(u, w, v, places) > _ON_WALL:
+                return False
+    if n_outer not in (0, 4):
+        return False
+    x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
+    west, south, east, north = x.min() - _CLEAR, y.min() - _CLEAR, x.max() + _CLEAR, y.max() + _CLEAR
+    for one in nodes[:, _VERTEX]:
+        if one < 0 or one in (u, v):
+            continue
+        x, y = places[one]
+        if not (west <= x <= east and south <= y <= north):
             continue
         for w in around:
-            if w in (v, x):
-                continue
-            if _off_edge(x, w, v, places) < _CLEAR or _is_between(
-                places[x, 0], places[x, 1], u, v, w, places
+            if w not in (v, one) and (
+                _off_edge(one, w, v, places) < _CLEAR or _is_between(x, y, u, v, w, places)
             ):
                 return False
     return True
-
-
-@kernel
-def _is_outer(i, at, nodes):  # type: ignore[no-untyped-def]
-    """Tell whether an edge of a node at a vertex, whose nodes are given, has one face alone."""
-    for way in (_BEFORE, _NEXT):
-        w, n_sides = nodes[nodes[i, way], _VERTEX], 0
-        for k in at:
-            n_sides += (nodes[nodes[k, _BEFORE], _VERTEX] == w) + (nodes[nodes[k, _NEXT], _VERTEX] == w)
-        if n_sides == 1:
-            return True
-    return False
 
 
 @kernel
@@ -246,9 +230,9 @@ def _corners(v, nodes, places, planes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_explained(v, around, nodes, known):  # type: ignore[no-untyped-def]
+def _is_explained(v, nodes, known):  # type: ignore[no-untyped-def]
     """Tell whether points explain the corners at a vertex, and where planes cross on edges from it."""
-    places, _, low, high, planes, _, points, _, spacing, floor, _ = known
+    places, low, high, planes, _, points, _, spacing, floor, _ = known
     x, y = places[v]
     for i in range(len(nodes)):
         if nodes[i, _VERTEX] != v:
