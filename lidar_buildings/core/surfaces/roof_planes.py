@@ -43,6 +43,11 @@ class RoofPlane:
         a, b = -nx / max(nz, _LEAST_VERTICAL), -ny / max(nz, _LEAST_VERTICAL)
         return a, b, z - a * x - b * y
 
+    @property
+    def is_wall(self) -> bool:
+        """Whether the plane is too steep for a roof."""
+        return float(self.normal[2]) <= _LEAST_UPRIGHT
+
     def elevation(self, xy: FloatArray) -> FloatArray:
         """Elevation of the plane [m] at positions of shape (n, 2)."""
         return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)

@@ -367,10 +367,10 @@ def _finer_levels(
 
 
 def _distinct_planes(roof: _Roof) -> FloatArray:
-    """Return a, b, c of every plane, pieces of one plane once; at least one."""
-    if not roof.topology.planes:
+    """Return a, b, c of every plane that is no wall, pieces of one plane once; at least one."""
+    equations = np.array([plane.equation for plane in roof.topology.planes if not plane.is_wall])
+    if not len(equations):
         return np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
-    equations = np.array([plane.equation for plane in roof.topology.planes])
     rounded = map(tuple, np.round(equations, _EQUAL_DIGITS).tolist())
     first = {one: row for row, one in reversed(list(enumerate(rounded)))}
     return equations[sorted(first.values())]
