@@ -21,7 +21,14 @@ from lidar_buildings.core.scans.config import MOST_LOST, ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer, lost_share
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
-from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, scale_of, write_placed_points
+from lidar_buildings.io.tiling.live_files import (
+    CLOUDS,
+    Recorded,
+    record,
+    recorded_of,
+    scale_of,
+    write_placed_points,
+)
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 from lidar_buildings.io.tiling.map_place import FrameSearch
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -317,6 +324,7 @@ class LiveFeed:
         self._too_fast.clear()
         if self._survey is not None:
             self._survey.clear()
+            remove_folder(self.folder / CLOUDS)
         with self._made_lock:
             self._made = None
 

@@ -51,6 +51,20 @@ def test_files_are_in_the_units_of_the_reference_system(tmp_path):
     survey.close()
 
 
+def test_no_file_is_left_of_points_that_were_forgotten(tmp_path, files_of):
+    files_of(200)
+    with Running(tmp_path) as run:
+        run.feed.add_scan(scan(T0, points(500), frame="map"))
+        run.flush()
+        run.feed.reset()
+        again = points(300, seed=1)
+        run.feed.add_scan(scan(T0 + SECOND, again, frame="map"))
+        run.flush()
+        written = [laspy.read(path).xyz for path in sorted((tmp_path / "clouds").iterdir())]
+    assert [len(xyz) for xyz in written] == [200, 100]
+    np.testing.assert_allclose(np.concatenate(written), again, atol=1e-3)
+
+
 def test_full_files_are_not_written_again(tmp_path, files_of):
     files_of(400)
     with Running(tmp_path) as run:
