@@ -175,7 +175,7 @@ _STRAIGHT = 4.0
 
 def face_corners(cells: Cells, face: IntArray, outline: Outline) -> IntArray:
     """Return the rows of the vertices that `face_rings` has."""
-    places = np.rint(cells.vertices / GRID)
+    places = np.rint(cells.vertices / GRID).astype(np.int64)
     stays = np.isin(places @ (1.0, 1j), np.rint(np.concatenate(outline.rings) / GRID) @ (1.0, 1j))
     sides = np.where(cells.sides >= 0, face[cells.sides], -1)
     edges = cells.borders[sides[:, 0] != sides[:, 1]]

@@ -27,13 +27,13 @@ def contracted(
     prices: tuple[float, float],
 ) -> list[tuple[FloatArray, ...]]:
     """
-    Move vertices of faces into neighbours wherever the description of the roof gets shorter.
+    Move vertices of faces into neighbours, one by one, where the description of the roof gets shorter.
 
     Its length is that of `simplified`. All faces and the outline stay, and corners keep to the limits.
 
     - `rings`: Of each face, which share their vertices [m].
     - `planes`, shape (n_faces, 3): z = a·x + b·y + c.
-    - `over`, shape (n_points,), int64: The face below each of the limits' points, -1 for none; as changed.
+    - `over`, shape (n_points,), int64: The face below each of the limits' points, -1 for none; is changed.
     - `kept`, shape (n, 2): Vertices that stay [m].
     - `weights`, shape (n_points,): The area that points stand for [m²].
     - `prices`: Of a metre of border [m²], and of a corner [m³].
@@ -119,7 +119,7 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
         gain += prices[1] * _corners(w, nodes, places, planes) + prices[0] * _distance(u, w, places)
         if w != v:
             gain -= prices[0] * _distance(v, w, places)
-    is_its, is_there = np.zeros(len(planes), np.bool_), np.zeros(len(planes), np.bool_)
+    is_its = np.zeros(len(planes), np.bool_)
     for i in at:
         is_its[nodes[i, _FACE]] = True
         one, other = nodes[i, _BEFORE], nodes[i, _NEXT]
@@ -128,19 +128,17 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
             nodes[one, _NEXT], nodes[other, _BEFORE], nodes[i, _VERTEX] = other, one, -1
             if nodes[other, _NEXT] == one:
                 return 0.0, 0
-    for one, _, _, face in nodes:
-        if one == v:
-            if is_there[face]:
-                return 0.0, 0
-            is_there[face] = True
+    there = nodes[nodes[:, _VERTEX] == v, _FACE]
+    if len(np.unique(there)) < len(there):
+        return 0.0, 0
     for w in around:
         gain -= prices[1] * _corners(w, nodes, places, planes)
+    if gain <= EPSILON:
+        return 0.0, 0
     x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
     west, south, east, north, n = x.min(), y.min(), x.max(), y.max(), 0
     for i in range(np.searchsorted(points[:, 1], south), np.searchsorted(points[:, 1], north)):
         (x, y, z), old, is_swept = points[i], over[i], False
-        if gain <= EPSILON:
-            break
         if not west <= x <= east or old < 0 or not is_its[old]:
             continue
         for w in around:
@@ -212,9 +210,7 @@ def _off_edge(w, a, b, places):  # type: ignore[no-untyped-def]
 def _corners(v, nodes, places, planes):  # type: ignore[no-untyped-def]
     """Return the number of corners at a vertex, as `simplification` counts them."""
     heights, n = np.empty(len(nodes)), 0
-    for i in range(len(nodes)):
-        if nodes[i, _VERTEX] != v:
-            continue
+    for i in np.flatnonzero(nodes[:, _VERTEX] == v):
         one, other = nodes[nodes[i, _BEFORE], _VERTEX], nodes[nodes[i, _NEXT], _VERTEX]
         ax, ay = places[v, 0] - places[one, 0], places[v, 1] - places[one, 1]
         bx, by = places[other, 0] - places[v, 0], places[other, 1] - places[v, 1]
@@ -234,9 +230,7 @@ def _is_explained(v, nodes, known):  # type: ignore[no-untyped-def]
     """Tell whether points explain the corners at a vertex, and where planes cross on edges from it."""
     places, low, high, planes, _, points, _, spacing, floor, _ = known
     x, y = places[v]
-    for i in range(len(nodes)):
-        if nodes[i, _VERTEX] != v:
-            continue
+    for i in np.flatnonzero(nodes[:, _VERTEX] == v):
         a, b, c = planes[nodes[i, _FACE]]
         z, slope = a * x + b * y + c, math.hypot(a, b)
         for k in range(len(nodes)):
@@ -267,14 +261,7 @@ def _is_explained(v, nodes, known):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _is_between(x, y, u, v, w, places):  # type: ignore[no-untyped-def]
     """Tell whether a place lies in a triangle."""
-    ax, ay, bx, by, cx, cy = (
-        places[u, 0],
-        places[u, 1],
-        places[v, 0],
-        places[v, 1],
-        places[w, 0],
-        places[w, 1],
-    )
+    (ax, ay), (bx, by), (cx, cy) = places[u], places[v], places[w]
     one = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
     two = (cx - bx) * (y - by) - (cy - by) * (x - bx)
     three = (ax - cx) * (y - cy) - (ay - cy) * (x - cx)

@@ -12,10 +12,7 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
-from lidar_buildings.core.stages.building_model.cell_costs import (
-    plane_costs,
-    point_weights,
-)
+from lidar_buildings.core.stages.building_model.cell_costs import plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.cells import (
     Cells,
     cells_of_points,
@@ -157,7 +154,8 @@ def partition_outline(
 
     Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
     plane that fits the points best at the least length of borders and number of corners; cells of one plane
-    are joined. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out
+    are joined, and their vertices moved into others where that says as much. Points, (n_points, 3), rise by
+    y. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out
     what stands on the roof.
 
     Where a corner of a face leaves what points near explain (`Limits`), its plane may not be there: the cell

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,6 @@ class Spike(NamedTuple):
 
     xyz: tuple[float, float, float]
     excess: float  #: beyond what may be [m], below if negative
-    slope: float  #: of the least steep face there
 
 
 def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spike]:
@@ -42,7 +42,7 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
         if kind == ROOF_SURFACE:
             x, y, z = area_vector(solid.face_rings(face))
             slope = math.hypot(x, y) / max(abs(z), _LEAST_PLAN)
-            for row in face[0]:
+            for row in chain(*face):
                 slopes[row] = min(slope, slopes.get(row, np.inf))
     lowest, highest = points[:, 2].min(), points[:, 2].max()
     corners = solid.vertices[list(slopes)]
@@ -50,9 +50,9 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
     for slope, (x, y, z), (low, high) in zip(slopes.values(), corners.tolist(), ends, strict=True):
         low, high = (low, high) if low <= high else (lowest, highest)
         allowed = MARGIN + slope * spacing
-        excess = z - high - allowed if z > high else min(z - low + allowed, 0.0)
-        if excess > 0.0 if z > high else excess < 0.0:
-            yield Spike((x, y, z), excess, slope)
+        excess = max(z - high - allowed, 0.0) + min(z - low + allowed, 0.0)
+        if excess:
+            yield Spike((x, y, z), excess)
 
 
 #: What is kept of the margin, as vertices are rounded, and of how far points are near, as they are drawn back
@@ -97,14 +97,9 @@ class Limits(NamedTuple):
     spacing: float  #: [m]
     floor: float  #: no roof lies lower, but where points do [m]
 
-    def ends(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
-        low, high = level_limits(places, self.points, self.spacing)
-        return low, high
-
     def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
         """Tell which roofs of a height and a slope no point explains, both (n,) or (n_roofs, n)."""
-        low, high = self.ends(places)
+        low, high = level_limits(places, self.points, self.spacing)
         rise = self.spacing * np.minimum(slope, STEEP)
         lowest = np.where(low > self.floor, np.maximum(low - rise, self.floor), low - rise)
         return np.asarray((z > high + rise) | (z < lowest))
@@ -142,10 +137,8 @@ class Limits(NamedTuple):
         share = apart[crosses, :1] / (apart[crosses, :1] - apart[crosses, 1:])
         between = ends[crosses, 0] + share * (ends[crosses, 1] - ends[crosses, 0])
         vertex = np.append(vertex, np.repeat(len(cells.vertices) + np.arange(len(between)), 2))
-        cell, places = (
-            np.append(cell, sides[crosses]),
-            np.concatenate([places, np.repeat(between, 2, axis=0)]),
-        )
+        cell = np.append(cell, sides[crosses])
+        places = np.concatenate([places, np.repeat(between, 2, axis=0)])
         own = planes[cell]
         z, slope = np.einsum("ij,ij->i", own[:, :2], places) + own[:, 2], np.hypot(own[:, 0], own[:, 1])
         order = np.lexsort((z, vertex))
@@ -161,7 +154,7 @@ class Limits(NamedTuple):
         """Return segments that cut a cell, or a height allowed at its corners, and those left [m]."""
         is_its = shapely.dwithin(cell, shapely.points(left[:, :2] / GRID), _NEAR)
         ring = np.concatenate([shapely.get_coordinates(cell) * GRID, left[is_its, :2]])
-        lows, highs = self.ends(ring)
+        lows, highs = level_limits(ring, self.points, self.spacing)
         low, high = float(lows.max()), float(highs.min())
         if low > high:
             return self.cut_off(cell, ring[[np.argmax(lows)]], ring[np.argmin(highs)]), []
@@ -192,7 +185,7 @@ class Limits(NamedTuple):
         if not len(whole):
             return []
         parts = shapely.get_coordinates(whole).reshape(-1, 2, 2) * GRID
-        low, high = self.ends(parts.reshape(-1, 2))
+        low, high = level_limits(parts.reshape(-1, 2), self.points, self.spacing)
         apart = np.full(len(lines), np.inf)
         np.minimum.at(apart, np.repeat(number, 2), high - low)
         apart[np.isinf(apart)] = -np.inf

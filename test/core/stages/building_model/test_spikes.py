@@ -5,7 +5,7 @@ import pytest
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.plan_graph import RoofPiece
-from lidar_buildings.core.solids.raising import roof_solid
+from lidar_buildings.core.solids.raising import extrude, roof_solid
 from lidar_buildings.core.stages.building_model.cells import cut_into_cells
 from lidar_buildings.core.stages.building_model.spikes import MARGIN, Limits, spikes_of
 
@@ -82,3 +82,14 @@ def test_no_roof_lies_below_the_floor_where_points_do_not():
     place = np.array([[5.0, 5.0]])
     assert limits.are_left(place, np.array([5.3]), np.array([1.0])).all()
     assert not limits._replace(floor=0.0).are_left(place, np.array([5.3]), np.array([1.0])).any()
+
+
+def test_corners_of_a_courtyard_are_looked_at():
+    outer = np.array([[0, 0], [10, 0], [10, 10], [0, 10]], dtype=float)
+    yard = np.array([[4, 4], [4, 6], [6, 6], [6, 4]], dtype=float)
+    solid = extrude(Outline(outer, (yard,)), 0.0, 6.0)
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(0.25, 10.0, 0.5), np.arange(0.25, 10.0, 0.5)))
+    is_near_yard = np.maximum(abs(x - 5.0), abs(y - 5.0)) < 3.0
+    points = np.column_stack([x, y, np.where(is_near_yard, 3.0, 6.0)])
+    found = {spike.xyz[:2] for spike in spikes_of(solid, points[np.argsort(points[:, 1])], 0.5)}
+    assert found == set(map(tuple, yard.tolist()))
