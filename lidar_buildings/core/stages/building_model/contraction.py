@@ -119,7 +119,7 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
         gain += prices[1] * _corners(w, nodes, places, planes) + prices[0] * _distance(u, w, places)
         if w != v:
             gain -= prices[0] * _distance(v, w, places)
-    is_its = np.zeros(len(planes), np.bool_)
+    is_its, is_in = np.zeros(len(planes), np.bool_), np.zeros(len(planes), np.bool_)
     for i in at:
         is_its[nodes[i, _FACE]] = True
         one, other = nodes[i, _BEFORE], nodes[i, _NEXT]
@@ -135,6 +135,7 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
         gain -= prices[1] * _corners(w, nodes, places, planes)
     if gain <= EPSILON:
         return 0.0, 0
+    own = nodes[is_its[nodes[:, _FACE]] & (nodes[:, _VERTEX] >= 0)]
     x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
     west, south, east, north, n = x.min(), y.min(), x.max(), y.max(), 0
     for i in range(np.searchsorted(points[:, 1], south), np.searchsorted(points[:, 1], north)):
@@ -143,7 +144,7 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
             continue
         for w in around:
             is_swept |= _is_between(x, y, u, v, w, places)
-        new = _face_over(x, y, is_its, nodes, places) if is_swept else -1
+        new = _face_over(x, y, own, is_in, nodes, places) if is_swept else -1
         if new < 0 or new == old:
             continue
         rows[n], faces[n], n = i, new, n + 1
@@ -269,17 +270,15 @@ def _is_between(x, y, u, v, w, places):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _face_over(x, y, is_its, nodes, places):  # type: ignore[no-untyped-def]
-    """Return which of some faces a place lies in, -1 for none."""
-    is_in = np.zeros(len(is_its), np.bool_)
-    for i in range(len(nodes)):
-        if nodes[i, _VERTEX] < 0 or not is_its[nodes[i, _FACE]]:
-            continue
-        ax, ay = places[nodes[i, _VERTEX]]
-        bx, by = places[nodes[nodes[i, _NEXT], _VERTEX]]
+def _face_over(x, y, own, is_in, nodes, places):  # type: ignore[no-untyped-def]
+    """Return in which of the faces whose nodes are `own` a place lies, -1 for none."""
+    is_in[:] = False
+    for u, after, _, face in own:
+        ax, ay = places[u]
+        bx, by = places[nodes[after, _VERTEX]]
         if (ay > y) != (by > y) and x < ax + (bx - ax) * (y - ay) / (by - ay):
-            is_in[nodes[i, _FACE]] = not is_in[nodes[i, _FACE]]
-    for f in range(len(is_in)):
-        if is_in[f]:
-            return f
+            is_in[face] = not is_in[face]
+    for face in range(len(is_in)):
+        if is_in[face]:
+            return face
     return -1
