@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -54,9 +55,8 @@ def contracted(
         nodes, places, np.isin(keys, of_kept), low, high, planes, counted_shares(planes),
         over, limits.points, weights, limits.spacing, limits.floor, prices,
     )  # fmt: skip
-    left = [part[part[:, 0] >= 0, 0] for part in np.split(nodes, ends[:-1])]
-    parts = iter(left)
-    return [tuple(places[part] for _, part in zip(own, parts, strict=False)) for own in rings]
+    parts = iter(np.split(nodes[:, _VERTEX], ends[:-1]))
+    return [tuple(places[part[part >= 0]] for part in islice(parts, len(own))) for own in rings]
 
 
 #: Columns of nodes, which rings consist of: vertex, -1 if it is gone, next node, the one before, face.
@@ -173,13 +173,14 @@ def _around(u, nodes):  # type: ignore[no-untyped-def]
 @kernel
 def _is_free(u, v, around, nodes, places):  # type: ignore[no-untyped-def]
     """Tell whether nothing lies where edges move with vertex u into v, and the outline stays."""
-    n_outer = 0
+    n_outer, is_along = 0, False
     for w in around:
         if _is_outer(u, w, nodes) or _is_outer(w, u, nodes):
-            n_outer += 1 + 2 * (w == v)
+            n_outer, is_along = n_outer + 1, is_along or w == v
             if w != v and _off_edge(u, w, v, places) > _ON_WALL:
                 return False
-    if n_outer not in (0, 4):
+    # What lies on a wall, between two edges of the outline, moves along one of them.
+    if n_outer > 0 and not (n_outer == 2 and is_along):
         return False
     x, y = places[np.append(around, u), 0], places[np.append(around, u), 1]
     west, south, east, north = x.min() - _CLEAR, y.min() - _CLEAR, x.max() + _CLEAR, y.max() + _CLEAR

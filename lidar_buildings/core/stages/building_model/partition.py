@@ -154,9 +154,9 @@ def partition_outline(
 
     Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
     plane that fits the points best at the least length of borders and number of corners; cells of one plane
-    are joined, and their vertices moved into others where that says as much. Points, (n_points, 3), rise by
-    y. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out
-    what stands on the roof.
+    are joined, and their vertices moved into neighbours where that costs less. Points, (n_points, 3), rise by
+    y. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out what stands
+    on the roof.
 
     Where a corner of a face leaves what points near explain (`Limits`), its plane may not be there: the cell
     is cut between the points that agree and the corner, or is offered a level roof, and planes are chosen

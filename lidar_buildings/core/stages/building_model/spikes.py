@@ -90,6 +90,15 @@ def is_left(z, slope, low, high, spacing, floor):  # type: ignore[no-untyped-def
     return z > high + rise or z < lowest
 
 
+@kernel
+def _are_left(z, slope, low, high, spacing, floor):  # type: ignore[no-untyped-def]
+    found = np.empty(z.shape, np.bool_)
+    for k in range(len(z)):
+        for i in range(len(low)):
+            found[k, i] = is_left(z[k, i], slope[k, i], low[i], high[i], spacing, floor)
+    return found
+
+
 class Limits(NamedTuple):
     """How high and how low corners of a roof may be."""
 
@@ -98,11 +107,10 @@ class Limits(NamedTuple):
     floor: float  #: no roof lies lower, but where points do [m]
 
     def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
-        """Tell which roofs of a height and a slope no point explains, both (n,) or (n_roofs, n)."""
+        """Tell which roofs of a height and a slope no point explains at places, both (n,) or (n_roofs, n)."""
         low, high = level_limits(places, self.points, self.spacing)
-        rise = self.spacing * np.minimum(slope, STEEP)
-        lowest = np.where(low > self.floor, np.maximum(low - rise, self.floor), low - rise)
-        return np.asarray((z > high + rise) | (z < lowest))
+        roofs = np.atleast_2d(z), np.atleast_2d(slope)
+        return np.asarray(_are_left(*roofs, low, high, self.spacing, self.floor)).reshape(z.shape)
 
     def not_allowed(self, cells: Cells, planes: FloatArray, corners: FloatArray) -> NDArray[np.bool_]:
         """Tell which planes no point explains at a corner (x, y, slope) of a cell, (n_cells, n_planes)."""
