@@ -25,7 +25,7 @@ from lidar_buildings.core.stages.boundary_tracing.walk import bridge_gap
 from lidar_buildings.core.stages.roof_selection.roof_patches import plane_votes
 from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
-from lidar_buildings.core.stages.terrain.interpolation import KRIGING, LINEAR
+from lidar_buildings.core.stages.terrain.interpolation import KRIGING
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.intensity import brightness_raster
 from lidar_buildings.core.surfaces.known_ground import KnownGround
@@ -82,8 +82,7 @@ def _models() -> None:
 
 def _rasters() -> None:
     tile = sample_tile().tile
-    for method in (LINEAR, KRIGING):
-        rasterise_tile(tile, RasterConfig(dtm_interpolation=method), tile.frame)
+    rasterise_tile(tile, RasterConfig(), tile.frame)
     relief(np.eye(3), 1.0)
     spacing = quantised_spacing(tile.points)
     brightness_raster(tile.points, tile.intensity, np.ones(len(tile), dtype=bool), spacing)
@@ -109,6 +108,7 @@ def _rare() -> None:
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])
     SeenVoxels().are_new(roof, 1.0)
     tile = sample_tile().tile
+    rasterise_tile(tile, RasterConfig(dtm_interpolation=KRIGING), tile.frame)
     street = tile.with_columns(view=np.full(len(tile), View.STREET))
     find_tile_facades(street_points(street), (), _CONFIG.facades)
     KnownGround.at(roof).elevation(roof[:2, :2])
@@ -148,8 +148,9 @@ OF_RUNS = (_outlines, _models, _regularisation, _ground, _planes, _roofs, _raste
 CALLS = (*OF_RUNS, _simulation, _rare)
 
 
+@cache
 def load_stages() -> None:
-    """Load what works on tiles, compiled code by a call of each stage, and leave no thread behind."""
+    """Load what works on tiles, compiled code by a call of each stage, once; leave no thread behind."""
     gc.disable()
     share_cores(lambda: False)
     for call in OF_RUNS:
