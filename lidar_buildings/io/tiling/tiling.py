@@ -172,7 +172,8 @@ class TileSource:
         self._buffer = known.buffer
         self._grid = TileGrid.fitting(known.tile_size, self._buffer, known.start)
         self._unread = set(range(len(self._clouds)))
-        self._read: deque[int] = deque()
+        #: Files of which the spacing may be asked, None for all: the first that tells it counts.
+        self._read: deque[int | None] = deque()
         self._expected = self._grid.tiles_touching(filter(None, self._areas))
         self._around = Rectangle.around([area for area in self._areas if area] or [Rectangle(0, 0, 0, 0)])
         self._waiting: set[Cell] = set()
@@ -273,6 +274,8 @@ class TileSource:
                 self._read.append(source)
                 self._store.learn(source)
             self._unread.discard(source)
+            if not self._unread:
+                self._read.appendleft(None)
             self._plan_tiles_near(self._areas[source])
             yield True
         if len(self.unreadable) == len(self._clouds):
@@ -283,11 +286,9 @@ class TileSource:
 
     def _learn_spacing(self) -> None:
         """Measure the spacing of a survey that has been read whole, else of the first file that tells it."""
-        if self._store.lacks_spacing and not self._unread:
-            self._store.learn_spacing(self._around)
         while self._read and self._store.lacks_spacing:
-            source = self._read.popleft()  # one that cannot tell is not asked again
-            area = self._areas[source]
+            source = self._read.popleft()  # what cannot tell is not asked again
+            area = self._around if source is None else self._areas[source]
             if area is not None:
                 self._store.learn_spacing(area, source)
 
