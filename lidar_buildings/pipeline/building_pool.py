@@ -31,7 +31,7 @@ from multiprocessing.shared_memory import SharedMemory
 from typing import Any, NamedTuple, TypeVar
 
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.neighbours.parallel import n_cores, share_cores
+from lidar_buildings.core.neighbours.parallel import is_single_thread, n_cores, share_cores
 
 _log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class BuildingPool:
             return
         SharedMemory(create=True, size=1).unlink()  # its tracker is one process for all that are forked now
         busy = memoryview(mmap.mmap(-1, n_workers))
-        is_alone = threading.active_count() == 1
+        is_alone = is_single_thread()
         for number in range(n_workers):
             self._workers.append(_Worker(busy[number : number + 1], busy))
             self._workers[-1].start("fork" if is_alone else "spawn")

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 #: Rows a block: large enough to hide the hand-over, small enough to share out evenly.
 BLOCK = 8192
+_NAME = "row-blocks"
 _thread = threading.local()
 _are_cores_free: Callable[[], bool] = lambda: True  # noqa: E731
 _lock = threading.Lock()
@@ -62,8 +63,20 @@ def _threads() -> ThreadPoolExecutor | None:
     global _pool
     with _lock:
         if _pool is None and n_cores() > 1:
-            _pool = ThreadPoolExecutor(n_cores(), thread_name_prefix="row-blocks", initializer=work_alone)
+            _pool = ThreadPoolExecutor(n_cores(), thread_name_prefix=_NAME, initializer=work_alone)
         return _pool
+
+
+def is_single_thread() -> bool:
+    """Whether no thread but this one is left in this process: those for rows, which only wait then, end."""
+    global _pool
+    others = {
+        one.name.rpartition("_")[0] for one in threading.enumerate() if one.ident != threading.get_ident()
+    }
+    if others == {_NAME} and _pool is not None:
+        _pool.shutdown()
+        _pool, others = None, set()
+    return not others
 
 
 def _forget() -> None:

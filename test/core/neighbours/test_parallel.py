@@ -5,7 +5,7 @@ import threading
 import numpy as np
 
 from lidar_buildings.core.neighbours import parallel
-from lidar_buildings.core.neighbours.parallel import for_row_blocks, work_alone
+from lidar_buildings.core.neighbours.parallel import for_row_blocks, is_single_thread, work_alone
 
 
 def work_on(n_rows, block):
@@ -72,3 +72,15 @@ def test_blocks_within_a_block_do_not_wait_for_each_other():
     for_row_blocks(lambda first, last: inner.append(work_on(100, 8)[0]), 100, 8)
     assert all((times == 1).all() for times in inner)
     assert len(inner) == 13
+
+
+def test_threads_that_only_wait_end_so_that_a_process_may_be_forked(monkeypatch):
+    monkeypatch.setattr(parallel, "_pool", None)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 2)
+    monkeypatch.setattr(threading, "enumerate", lambda: [threading.current_thread(), *started])
+    started = work_on(100, 8)[1]
+    assert is_single_thread()
+    assert not any(one.is_alive() for one in started)
+    started = work_on(100, 8)[1] | {threading.Thread(name="of others")}
+    assert not is_single_thread()
+    assert (work_on(100, 8)[0] == 1).all()
