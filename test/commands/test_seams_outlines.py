@@ -47,14 +47,15 @@ def test_montpellier_in_six_tiles_has_the_outlines_of_montpellier_as_one(data_fo
 
 
 def test_a_hall_wider_than_a_tile_and_its_buffer_is_no_ground(tmp_path):
-    x, y = np.meshgrid(np.arange(0.75, 500.0, 1.5), np.arange(0.75, 400.0, 1.5))
-    hall = (np.abs(x - 250.0) < 150.0) & (np.abs(y - 200.0) < 100.0)
+    x, y = np.meshgrid(np.arange(0.75, 300.0, 1.5), np.arange(0.75, 240.0, 1.5))
+    hall = (np.abs(x - 150.0) < 90.0) & (np.abs(y - 120.0) < 60.0)
     noise = np.random.default_rng(0).normal(0.0, 0.02, x.shape)
     cloud = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
     cloud.xyz = np.stack([x, y, 9.0 * hall + noise], axis=-1).reshape(-1, 3)
     cloud.return_number[:] = cloud.number_of_returns[:] = 1
     taken = n_core = 0
-    with TileSource([saved(cloud, tmp_path / "hall.laz")], TilingConfig(tile_size=100.0)) as source:
+    config = TilingConfig(tile_size=60.0, buffer=40.0, max_buffer=200.0)
+    with TileSource([saved(cloud, tmp_path / "hall.laz")], config) as source:
         for tile in source.ready():
             done = whole_result(tile, "ground_filter").classified
             is_roof = done.points[:, 2] > 5.0 + done.points[:, 2].min()

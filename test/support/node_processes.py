@@ -138,6 +138,17 @@ class NodeProcesses:
         return "\n" + "\n".join(lines)
 
 
+def fork_nodes() -> None:
+    """Fork a node for each line of arguments that comes in; end them all with the last line."""
+    for name in _MODULES:
+        importlib.import_module(f"lidar_buildings.nodes.{name}")
+    for line in sys.stdin:
+        module, arguments, slow, log = json.loads(line)
+        if os.fork() == 0:
+            _run_node(module, arguments, slow, Path(log), {})
+    os.killpg(0, signal.SIGKILL)
+
+
 def _run_node(
     module: str, arguments: list[str], slow: tuple[str, float] | None, log: Path, environment: dict[str, str]
 ) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from support.node_processes import NodeProcesses
 
@@ -50,19 +53,38 @@ def inside(keeper: int, *command: str) -> list[str]:
     return ["nsenter", "--target", str(keeper), "--mount", "--net", *command]
 
 
+#: Forks nodes: importing takes longer than most of them work.
+_FORK = "from support.node_processes import fork_nodes; fork_nodes()"
+
+
+class _Forking(subprocess.Popen):
+    """A process of a host that forks nodes, all of which are killed with it."""
+
+    def __init__(self, keeper: int) -> None:
+        paths = {"PYTHONPATH": os.pathsep.join(map(str, (Path(__file__).parents[1], *sys.path)))}
+        given = {"stdin": subprocess.PIPE, "text": True, "start_new_session": True}
+        super().__init__(inside(keeper, sys.executable, "-c", _FORK), env=os.environ | paths, **given)
+
+    def kill(self) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+
 class OnTwoHosts(NodeProcesses):
     """The heavy nodes on one host, the source and the writer on the other."""
 
     def __init__(self, hosts: dict[str, int], *arguments, **keywords) -> None:
         super().__init__(*arguments, **keywords)
-        self._hosts = hosts
+        self._left, self._right = hosts["left"], _Forking(hosts["right"])
 
     def started(self, name, module, arguments, slow, log):
-        host = self._hosts["left" if name in LIGHT else "right"]
+        if name not in LIGHT:
+            print(json.dumps([module, arguments, slow, str(log)]), file=self._right.stdin, flush=True)
+            return self._right
         program = f"from lidar_buildings.commands.node import node_process; exit(node_process('{module}'))"
         command = [sys.executable, "-c", program, *arguments]
         with log.open("a") as written:
-            return subprocess.Popen(inside(host, *command), stdout=written, stderr=written)
+            return subprocess.Popen(inside(self._left, *command), stdout=written, stderr=written)
 
 
 def _ip(*arguments: str) -> None:
