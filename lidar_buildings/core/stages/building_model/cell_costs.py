@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.building_model.cells import Cells
 
 #: What a point is off its plane beyond this [m], and the share of it that counts: chimneys and antennas pull
@@ -26,7 +28,13 @@ _MAX_SQUARES = 40_000
 
 
 def plane_costs(
-    points: FloatArray, weight: FloatArray, cell: IntArray, cells: Cells, planes: FloatArray, spacing: float
+    points: FloatArray,
+    near: tuple[Any, ...],
+    weight: FloatArray,
+    cell: IntArray,
+    cells: Cells,
+    planes: FloatArray,
+    spacing: float,
 ) -> FloatArray:
     """
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
@@ -35,12 +43,12 @@ def plane_costs(
     of the cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical,
     but from planes steeper than `STEEP`, where a pulse's place is less sure than its height, less by as much;
     those to points hardly count beyond `MAX_MISFIT`, so that chimneys and antennas pull on no plane. Points
-    are (n_points, 3) and rise by y [m]; `weight` is the area that each stands for [m²], `cell` its cell,
-    int64, -1 for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
+    are (n_points, 3), `near` the same `by_square` [m]; `weight` is the area that each stands for [m²], `cell`
+    its cell, int64, -1 for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
     slope = np.hypot(planes[:, 0], planes[:, 1])
     return _costs(
-        points, weight, cell, np.ascontiguousarray(planes.T), counted_shares(planes),
+        points, near, weight, cell, np.ascontiguousarray(planes.T), counted_shares(planes),
         cells.vertices, cells.borders, cells.sides, cells.areas, ABOVE + spacing * slope, spacing,
     )  # fmt: skip
 
@@ -101,30 +109,43 @@ def point_weights(points, exterior, spacing):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def heights_near(places, points, reach):  # type: ignore[no-untyped-def]
+def by_square(points, side):  # type: ignore[no-untyped-def]
+    """Return points square by square, where those of each begin, the squares, and the ends of all heights."""
+    squares, square = _squares_over(points, side), np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        square[i] = _square_of(points[i, 0], points[i, 1], squares)
+    rows, first = rows_by_group(square, squares[3] * squares[4])
+    return points[rows], first, squares, (points[:, 2].min(), points[:, 2].max())
+
+
+@kernel
+def heights_near(places, near, reach):  # type: ignore[no-untyped-def]
     """
     Return the lowest and the highest point within `reach` of each place in plan [m]; without any ∞ and −∞.
 
-    Points, shape (n_points, 3), rise by y.
+    `near` are points as `by_square` gives them.
     """
+    points, first, (side, column, row, n_columns, n_rows), _ = near
     low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
     for i in range(len(places)):
         x, y = places[i, 0], places[i, 1]
-        for j in range(np.searchsorted(points[:, 1], y - reach), len(points)):
-            dx, dy, z = points[j, 0] - x, points[j, 1] - y, points[j, 2]
-            if dy > reach:
-                break
-            if dx * dx + dy * dy <= reach * reach:
-                low[i], high[i] = min(low[i], z), max(high[i], z)
+        west = max(int(np.floor((x - reach) / side) - column), 0)
+        east = min(int(np.floor((x + reach) / side) - column) + 1, n_columns)
+        south = min(max(int(np.floor((y - reach) / side) - row), 0), n_rows)
+        north = min(max(int(np.floor((y + reach) / side) - row) + 1, south), n_rows)
+        for k in range(west, east):
+            for j in range(first[k * n_rows + south], first[k * n_rows + north]):
+                dx, dy, z = points[j, 0] - x, points[j, 1] - y, points[j, 2]
+                if dx * dx + dy * dy <= reach * reach:
+                    low[i], high[i] = min(low[i], z), max(high[i], z)
     return low, high
 
 
 @kernel
-def _costs(points, weight, cell, planes, counted, vertices, borders, sides, areas, slack, spacing):  # type: ignore[no-untyped-def]
+def _costs(points, near, weight, cell, planes, counted, vertices, borders, sides, areas, slack, spacing):  # type: ignore[no-untyped-def]
     """See `plane_costs`; planes in columns."""
     n_planes, spoken = planes.shape[1], (_SPOKEN * spacing) ** 2
-    low, high = heights_near(vertices, points, AROUND * spacing)
-    highest = points[:, 2].max()
+    low, high = heights_near(vertices, near, AROUND * spacing)
     costs, beyond = np.empty((len(areas), n_planes)), np.zeros((len(areas), n_planes))
     # Rows of their own, so that the loops over planes become wide (SIMD).
     a, b, d = planes[0], planes[1], planes[2]
@@ -132,7 +153,7 @@ def _costs(points, weight, cell, planes, counted, vertices, borders, sides, area
         for end in range(2):
             v = borders[e, end]
             x, y = vertices[v, 0], vertices[v, 1]
-            bottom, top = (low[v], high[v]) if low[v] <= high[v] else (-np.inf, highest)
+            bottom, top = (low[v], high[v]) if low[v] <= high[v] else (-np.inf, near[3][1])
             for side in range(2):
                 c = sides[e, side]
                 if c < 0 or sides[e, 0] == sides[e, 1]:

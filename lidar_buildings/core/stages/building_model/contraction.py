@@ -24,6 +24,7 @@ def contracted(
     over: IntArray,
     kept: FloatArray,
     limits: Limits,
+    points: FloatArray,
     weights: FloatArray,
     prices: tuple[float, float],
 ) -> list[tuple[FloatArray, ...]]:
@@ -34,8 +35,9 @@ def contracted(
 
     - `rings`: Of each face, which share their vertices [m].
     - `planes`, shape (n_faces, 3): z = a·x + b·y + c.
-    - `over`, shape (n_points,), int64: The face below each of the limits' points, -1 for none; is changed.
+    - `over`, shape (n_points,), int64: The face below each of the points, -1 for none; is changed.
     - `kept`, shape (n, 2): Vertices that stay [m].
+    - `points`, shape (n_points, 3): By rising y [m].
     - `weights`, shape (n_points,): The area that points stand for [m²].
     - `prices`: Of a metre of border [m²], and of a corner [m³].
     """
@@ -50,10 +52,10 @@ def contracted(
     after[ends - 1], before[ends - sizes] = ends - sizes, ends - 1
     face = np.repeat([f for f, own in enumerate(rings) for _ in own], sizes)
     nodes = np.column_stack([vertex.reshape(-1), after, before, face])
-    low, high = level_limits(places, limits.points, limits.spacing)
+    low, high = level_limits(places, limits.near, limits.spacing)
     _contract(
         nodes, places, np.isin(keys, of_kept), low, high, planes, counted_shares(planes),
-        over, limits.points, weights, limits.spacing, limits.floor, prices,
+        over, points, weights, limits, prices,
     )  # fmt: skip
     parts = iter(np.split(nodes[:, _VERTEX], ends[:-1]))
     return [tuple(places[part[part >= 0]] for part in islice(parts, len(own))) for own in rings]
@@ -65,9 +67,9 @@ _VERTEX, _NEXT, _BEFORE, _FACE = range(4)
 
 @kernel
 def _contract(  # type: ignore[no-untyped-def]
-    nodes, places, is_kept, low, high, planes, counted, over, points, weights, spacing, floor, prices
+    nodes, places, is_kept, low, high, planes, counted, over, points, weights, limits, prices
 ):
-    known = places, low, high, planes, counted, points, weights, spacing, floor, prices
+    known = places, low, high, planes, counted, points, weights, limits, prices
     lengths, edges = np.empty(2 * len(nodes)), np.empty((2 * len(nodes), 2), np.int64)
     rows, faces = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
     # The round in which what lies round a vertex last changed.
@@ -113,7 +115,7 @@ def _moved(u, v, around, at, nodes, over, rows, faces, known):  # type: ignore[n
 
     0 if a face would vanish or touch itself; the points and their faces are written.
     """
-    places, _, _, planes, counted, points, weights, _, _, prices = known
+    places, _, _, planes, counted, points, weights, _, prices = known
     gain = prices[1] * _corners(u, nodes, places, planes)
     for w in around:
         gain += prices[1] * _corners(w, nodes, places, planes) + prices[0] * _distance(u, w, places)
@@ -230,7 +232,7 @@ def _corners(v, nodes, places, planes):  # type: ignore[no-untyped-def]
 @kernel
 def _is_explained(v, nodes, known):  # type: ignore[no-untyped-def]
     """Tell whether points explain the corners at a vertex, and where planes cross on edges from it."""
-    places, low, high, planes, _, points, _, spacing, floor, _ = known
+    places, low, high, planes, _, _, _, (near, spacing, floor), _ = known
     x, y = places[v]
     for i in np.flatnonzero(nodes[:, _VERTEX] == v):
         a, b, c = planes[nodes[i, _FACE]]
@@ -250,7 +252,7 @@ def _is_explained(v, nodes, known):  # type: ignore[no-untyped-def]
                         place = np.empty((1, 2))
                         place[0, 0] = x + share * (places[w, 0] - x)
                         place[0, 1] = y + share * (places[w, 1] - y)
-                        lowest, highest = level_limits(place, points, spacing)
+                        lowest, highest = level_limits(place, near, spacing)
                         between = a * place[0, 0] + b * place[0, 1] + c
                         least = min(math.hypot(a, b), math.hypot(d, e))
                         if is_left(between, least, lowest[0], highest[0], spacing, floor):

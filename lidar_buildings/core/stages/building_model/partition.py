@@ -26,7 +26,7 @@ from lidar_buildings.core.stages.building_model.config import BuildingModelConfi
 from lidar_buildings.core.stages.building_model.contraction import contracted
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
-from lidar_buildings.core.stages.building_model.spikes import Limits
+from lidar_buildings.core.stages.building_model.spikes import limits_of
 
 
 def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
@@ -168,11 +168,11 @@ def partition_outline(
         cuts = extend_segments(segments, ring_walls(outline.rings), len(lines[0]))
     weights = point_weights(points, outline.exterior, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
-    limits, left = Limits(points, spacing, floor), np.empty((0, 3))
+    limits, left = limits_of(points, spacing, floor), np.empty((0, 3))
     cells = cut_into_cells(outline, cuts)
     for rounds_left in reversed(range(_MOST_ROUNDS)):
         cell = cells_of_points(cells, points)
-        costs = plane_costs(points, weights, cell, cells, planes, spacing)
+        costs = plane_costs(points, limits.near, weights, cell, cells, planes, spacing)
         not_allowed = limits.not_allowed(cells, planes, left)
         costs[not_allowed] = _NOT_ALLOWED
         labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
@@ -204,7 +204,7 @@ def partition_outline(
     of_face[face] = own
     part = parts_of_one_height(cells, face, of_face, config.min_part_step).tolist()
     over = np.append(face, -1)[cell]
-    rings = contracted(rings, of_face, over, np.concatenate(outline.rings), limits, weights, prices)
+    rings = contracted(rings, of_face, over, np.concatenate(outline.rings), limits, points, weights, prices)
     of_faces, first = rows_by_group(1 + over, len(rings) + 1)
     rows = [of_faces[begin:end] for begin, end in pairwise(first[1:].tolist())]
     return [RoofFacePatch(*each) for each in zip(rings, of_face, rows, part, strict=True) if each[0]]

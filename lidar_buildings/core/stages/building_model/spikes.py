@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -15,7 +15,7 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, area_vector
-from lidar_buildings.core.stages.building_model.cell_costs import AROUND, STEEP, heights_near
+from lidar_buildings.core.stages.building_model.cell_costs import AROUND, STEEP, by_square, heights_near
 from lidar_buildings.core.stages.building_model.cells import Cells
 
 #: A corner may lie so far above or below the points around, besides slope × spacing [m].
@@ -35,7 +35,7 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
     """
     Yield the corners of a solid's roof that lie too far above or below the points near (all if none is).
 
-    `points` (n, 3), one at least, are on the roof, about `spacing` apart [m], and rise by y.
+    `points` (n, 3), one at least, are on the roof, about `spacing` apart [m].
     """
     slopes: dict[int, float] = {}
     for face, kind in zip(solid.faces, solid.semantics, strict=True):
@@ -44,11 +44,11 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
             slope = math.hypot(x, y) / max(abs(z), _LEAST_PLAN)
             for row in chain(*face):
                 slopes[row] = min(slope, slopes.get(row, np.inf))
-    lowest, highest = points[:, 2].min(), points[:, 2].max()
+    near = by_square(points, AROUND * spacing)
     corners = solid.vertices[list(slopes)]
-    ends = zip(*heights_near(corners, points, AROUND * spacing), strict=True)
+    ends = zip(*heights_near(corners, near, AROUND * spacing), strict=True)
     for slope, (x, y, z), (low, high) in zip(slopes.values(), corners.tolist(), ends, strict=True):
-        low, high = (low, high) if low <= high else (lowest, highest)
+        low, high = (low, high) if low <= high else near[3]
         allowed = MARGIN + slope * spacing
         excess = max(z - high - allowed, 0.0) + min(z - low + allowed, 0.0)
         if excess:
@@ -69,16 +69,16 @@ _TRIED = np.array(sorted(np.linspace(0.0, 1.0, 33)[1:-1], key=lambda share: abs(
 
 
 @kernel
-def level_limits(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return how low and how high a level roof may be at places (n, 2), by the points near [m]."""
-    low, high = heights_near(places, points, AROUND * spacing - _MOVED)
+def level_limits(places, near, spacing):  # type: ignore[no-untyped-def]
+    """Return how low and how high a level roof may be at places (n, 2), by the points `near` [m]."""
+    low, high = heights_near(places, near, AROUND * spacing - _MOVED)
     for i in range(len(places)):
         for moved in (0.0, _MOVED):
             if low[i] > high[i]:
-                lowest, highest = heights_near(places[i : i + 1], points, AROUND * spacing + moved)
+                lowest, highest = heights_near(places[i : i + 1], near, AROUND * spacing + moved)
                 low[i], high[i] = lowest[0], highest[0]
         if low[i] > high[i]:
-            low[i], high[i] = points[:, 2].min(), points[:, 2].max()
+            low[i], high[i] = near[3]
     return low - MARGIN + _ROUNDING, high + MARGIN - _ROUNDING
 
 
@@ -100,15 +100,15 @@ def _are_left(z, slope, low, high, spacing, floor):  # type: ignore[no-untyped-d
 
 
 class Limits(NamedTuple):
-    """How high and how low corners of a roof may be."""
+    """How high and how low corners of a roof may be; `limits_of` gives them."""
 
-    points: FloatArray  #: on the roof, shape (n_points, 3), by rising y [m]
+    near: tuple[Any, ...]  #: points on the roof, as `by_square` gives them
     spacing: float  #: [m]
     floor: float  #: no roof lies lower, but where points do [m]
 
     def are_left(self, places: FloatArray, z: FloatArray, slope: FloatArray) -> NDArray[np.bool_]:
         """Tell which roofs of a height and a slope no point explains at places, both (n,) or (n_roofs, n)."""
-        low, high = level_limits(places, self.points, self.spacing)
+        low, high = level_limits(places, self.near, self.spacing)
         roofs = np.atleast_2d(z), np.atleast_2d(slope)
         return np.asarray(_are_left(*roofs, low, high, self.spacing, self.floor)).reshape(z.shape)
 
@@ -162,7 +162,7 @@ class Limits(NamedTuple):
         """Return segments that cut a cell, or a height allowed at its corners, and those left [m]."""
         is_its = shapely.dwithin(cell, shapely.points(left[:, :2] / GRID), _NEAR)
         ring = np.concatenate([shapely.get_coordinates(cell) * GRID, left[is_its, :2]])
-        lows, highs = level_limits(ring, self.points, self.spacing)
+        lows, highs = level_limits(ring, self.near, self.spacing)
         low, high = float(lows.max()), float(highs.min())
         if low > high:
             return self.cut_off(cell, ring[[np.argmax(lows)]], ring[np.argmin(highs)]), []
@@ -193,10 +193,15 @@ class Limits(NamedTuple):
         if not len(whole):
             return []
         parts = shapely.get_coordinates(whole).reshape(-1, 2, 2) * GRID
-        low, high = level_limits(parts.reshape(-1, 2), self.points, self.spacing)
+        low, high = level_limits(parts.reshape(-1, 2), self.near, self.spacing)
         apart = np.full(len(lines), np.inf)
         np.minimum.at(apart, np.repeat(number, 2), high - low)
         apart[np.isinf(apart)] = -np.inf
         found = parts[number == np.argmax(apart)]
         past = _PAST * np.array([-across, across])
         return [one + (past if (one[1] - one[0]) @ across > 0.0 else -past) for one in found]
+
+
+def limits_of(points: FloatArray, spacing: float, floor: float) -> Limits:
+    """Return the limits of corners of a roof by its points, shape (n_points, 3) [m]."""
+    return Limits(by_square(points, AROUND * spacing), spacing, floor)

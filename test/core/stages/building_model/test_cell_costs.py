@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.building_model.cell_costs import plane_costs
+from lidar_buildings.core.stages.building_model.cell_costs import by_square, plane_costs
 from lidar_buildings.core.stages.building_model.cells import cut_into_cells
 
 SPACING = 0.5
@@ -14,7 +14,8 @@ def costs_of(points, width=20.0, cut_at=9.8):
     house = Outline(np.array([[0.0, 0.0], [width, 0.0], [width, 10.0], [0.0, 10.0]]))
     cells = cut_into_cells(house, np.array([[[cut_at, 0.0], [cut_at, 10.0]]]))
     cell = np.full(len(points), -1, dtype=np.int64)
-    costs = plane_costs(points, np.ones(len(points)), cell, cells, np.array([LOW, STEEP]), SPACING)
+    near = by_square(points, 3.0 * SPACING)
+    costs = plane_costs(points, near, np.ones(len(points)), cell, cells, np.array([LOW, STEEP]), SPACING)
     return dict(zip(cells.areas.round(2).tolist(), costs, strict=True))
 
 

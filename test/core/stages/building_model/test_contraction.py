@@ -3,7 +3,7 @@ import pytest
 import shapely
 
 from lidar_buildings.core.stages.building_model.contraction import contracted
-from lidar_buildings.core.stages.building_model.spikes import Limits
+from lidar_buildings.core.stages.building_model.spikes import limits_of
 
 SPACING = 0.5
 #: Two halves of a plan of 10 m × 6 m; the border between them has a jog of 0.2 m at y = 3.
@@ -26,7 +26,7 @@ def roof(border_south, border_north):
 
 def contract(points, over, rings=((LEFT,), (RIGHT,)), kept=CORNERS, planes=PLANES):
     weights = np.full(len(points), SPACING**2)
-    return contracted(rings, planes, over, kept, Limits(points, SPACING, 0.0), weights, PRICES)
+    return contracted(rings, planes, over, kept, limits_of(points, SPACING, 0.0), points, weights, PRICES)
 
 
 def test_a_jog_goes_where_points_do_not_tell_it():

@@ -7,7 +7,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.plan_graph import RoofPiece
 from lidar_buildings.core.solids.raising import extrude, roof_solid
 from lidar_buildings.core.stages.building_model.cells import cut_into_cells
-from lidar_buildings.core.stages.building_model.spikes import MARGIN, Limits, spikes_of
+from lidar_buildings.core.stages.building_model.spikes import MARGIN, limits_of, spikes_of
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 SPACING = 0.4
@@ -41,7 +41,7 @@ def cells_of(ring, cut_at):
 def test_a_corner_of_a_face_is_left_where_its_plane_rises_above_the_points_near():
     cells = cells_of(SQUARE, 8.0)
     planes = np.where(cells.areas[:, None] > 50.0, [0.0, 0.0, 6.0], [1.0, 0.0, -2.0])
-    limits = Limits(POINTS[np.argsort(POINTS[:, 1])], SPACING, 0.0)
+    limits = limits_of(POINTS[np.argsort(POINTS[:, 1])], SPACING, 0.0)
     cell, corners = limits.corners_left(cells, planes, np.arange(len(cells.vertices)))
     assert np.unique(cells.areas[cell]).tolist() == [20.0]
     assert sorted(corners.tolist()) == [[10.0, 0.0, 1.0], [10.0, 10.0, 1.0]]
@@ -55,14 +55,14 @@ def test_planes_that_cross_on_a_border_have_a_corner_there():
     middle = POINTS[:, 2] + 3.0 * (np.abs(POINTS[:, 1] - 5.0) < 2.0)  # what both planes miss
     points = np.column_stack([POINTS[:, :2], middle])[np.argsort(POINTS[:, 1])]
     planes = np.array([[0.0, 0.05, 5.75], [0.0, -0.05, 6.25]])
-    _, corners = Limits(points, SPACING, 0.0).corners_left(cells, planes, np.arange(len(cells.vertices)))
+    _, corners = limits_of(points, SPACING, 0.0).corners_left(cells, planes, np.arange(len(cells.vertices)))
     assert np.unique(corners, axis=0) == pytest.approx(np.array([[5.0, 5.0, 0.05]]))
 
 
 def test_a_corner_is_cut_off_between_high_points_and_low_ones():
     low = POINTS + np.array([10.0, 0.0, -4.0])
     points = np.concatenate([POINTS, low])
-    limits = Limits(points[np.argsort(points[:, 1])], SPACING, 0.0)
+    limits = limits_of(points[np.argsort(points[:, 1])], SPACING, 0.0)
     (cell,) = cells_of([[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [0.0, 10.0]], 30.0).polygons
     (segment,) = limits.cut_off(cell, POINTS[:, :2], np.array([20.0, 10.0]))
     assert segment[:, 0] == pytest.approx(10.0, abs=3.0 * SPACING)
@@ -72,13 +72,13 @@ def test_a_corner_is_cut_off_between_high_points_and_low_ones():
 
 
 def test_a_level_roof_is_offered_at_the_height_of_its_points_where_that_is_allowed():
-    limits = Limits(POINTS[np.argsort(POINTS[:, 1])], SPACING, 0.0)
+    limits = limits_of(POINTS[np.argsort(POINTS[:, 1])], SPACING, 0.0)
     (cell,) = cells_of(SQUARE, 30.0).polygons
     assert limits.level(cell, POINTS, np.empty((0, 3))) == ([], [6.0])
 
 
 def test_no_roof_lies_below_the_floor_where_points_do_not():
-    limits = Limits(POINTS[np.argsort(POINTS[:, 1])], SPACING, 5.4)
+    limits = limits_of(POINTS[np.argsort(POINTS[:, 1])], SPACING, 5.4)
     place = np.array([[5.0, 5.0]])
     assert limits.are_left(place, np.array([5.3]), np.array([1.0])).all()
     assert not limits._replace(floor=0.0).are_left(place, np.array([5.3]), np.array([1.0])).any()
