@@ -200,8 +200,8 @@ def group_spacings(
 
 @kernel
 def _find_nth(cells, asking, runs, group, nth, is_probe, reach, distance):  # type: ignore[no-untyped-def]
-    """Write how far from each probe the n-th other point of its group is in plan, if within reach."""
-    least = np.empty(NEIGHBOURS + 1)
+    """Write how far from each probe the n-th other position of its group is, if within reach."""
+    least, x, y = np.empty(NEIGHBOURS + 1), np.empty(NEIGHBOURS + 1), np.empty(NEIGHBOURS + 1)
     for one in range(len(asking)):
         for m in range(cells.first[asking[one]], cells.first[asking[one] + 1]):
             i = cells.rows[m]
@@ -216,8 +216,15 @@ def _find_nth(cells, asking, runs, group, nth, is_probe, reach, distance):  # ty
                     if square >= least[last] or group[cells.rows[j]] != group[i]:
                         continue
                     while k > 0 and least[k - 1] > square:
-                        least[k] = least[k - 1]
                         k -= 1
-                    least[k] = square
+                    is_known, at = False, k - 1
+                    while at >= 0 and least[at] == square:
+                        is_known |= x[at] == dx and y[at] == dy
+                        at -= 1
+                    if is_known:
+                        continue
+                    for at in range(last, k, -1):
+                        least[at], x[at], y[at] = least[at - 1], x[at - 1], y[at - 1]
+                    least[k], x[k], y[k] = square, dx, dy
             if least[last] < reach * reach:
                 distance[i] = math.sqrt(least[last])
