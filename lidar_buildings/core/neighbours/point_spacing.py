@@ -145,6 +145,9 @@ def rounded_spacing(spacing: float) -> float:
     return float(QUANTUM ** round(math.log(min(max(spacing, least), most), QUANTUM)))
 
 
+#: Groups whose points are sparser than expected by this factor have their own spacing: strips overlap
+#: elsewhere. Less than that may be the rim of a small group. Nothing reaches farther than with so much more.
+MIN_SPARSER, MAX_SPARSER = 1.35, 4.0
 #: Fewest points that each neighbour that a density is estimated from needs in its group.
 POINTS_A_NEIGHBOUR = 10
 #: Cells on each side in which the neighbours of a group's points are sought.

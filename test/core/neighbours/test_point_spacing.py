@@ -134,6 +134,12 @@ def test_few_or_equal_points_have_no_spacing(points):
     assert np.isnan(spacings_of([points])).all()
 
 
+def test_positions_that_repeat_count_once_in_groups_too():
+    points = poisson_cloud(5.0, 20)
+    repeated = spacings_of([np.repeat(points, 3, axis=0)])
+    np.testing.assert_allclose(repeated, spacings_of([points]), rtol=0.06)  # of other probes
+
+
 def test_points_of_no_group_are_left_out():
     points = poisson_cloud(5.0, 20)
     group = np.where(np.arange(2000) % 2, 0, -1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,6 +13,12 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.point_spacing import (
+    MAX_SPARSER,
+    MIN_SPARSER,
+    group_spacings,
+    rounded_spacing,
+)
 from lidar_buildings.core.neighbours.sectors import sector_of
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
@@ -20,6 +26,10 @@ from lidar_buildings.core.surfaces.surface_patches import connected_columns, pla
 RADIUS_SPACINGS = 2.25
 #: The same where the cloud is dense: the scale at which foliage is no longer flat [m].
 MIN_RADIUS = 0.75
+#: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
+AREA_CELL = 2.0
+#: Points that rise above ground are of one part, with a spacing of its own, if so near in plan [spacings].
+PART_STEP = 4.5
 #: Columns of points across a radius: what their neighbours are found by.
 COLUMNS_A_RADIUS = 2.0
 #: Steepest roof: between spires and walls [deg].
@@ -65,6 +75,31 @@ class Candidates:
         label = np.full(len(self.points), -1)
         label[chosen] = part
         return label, label.max(initial=-1) + 1
+
+    def by_spacing(self, spacing: float) -> Iterator[tuple[NDArray[np.bool_], Candidates]]:
+        """
+        Yield the points of parts that are as dense as the cloud, and those of sparser ones by their spacing.
+
+        Under one strip alone, dark or turned away, a roof may be sparser than ground under two. What lets the
+        ground below be seen is as dense as both together.
+        """
+        label, n = self.parts(np.arange(len(self.points)), PART_STEP * spacing, in_plan=True)
+        every = np.concatenate([self.points, self.ground()])
+        cells = rows_by_cell(every, 0.5 * MAX_SPARSER * spacing)
+        part = np.concatenate([label, np.full(len(every) - len(label), -1)])
+        above = np.maximum.reduceat(part[cells.rows], cells.first[:-1])[cells.cell] if len(every) else part
+        part[cells.rows] = np.where(part[cells.rows] < 0, above, part[cells.rows])
+        own = group_spacings(every, cells, part, n)
+        own = np.where(own > MIN_SPARSER * spacing, np.minimum(own, MAX_SPARSER * spacing), 0.0)
+        rounded = np.array([rounded_spacing(one) if one else spacing for one in own.tolist()])
+        for one in np.unique(rounded).tolist():
+            chosen = (rounded == one)[label]
+            found = replace(self, radius=max(RADIUS_SPACINGS * one, MIN_RADIUS), cell=AREA_CELL * one)
+            if not chosen.all():
+                own_columns = self.columns.select(chosen)
+                last, only = self.is_last[chosen], self.is_only[chosen]
+                found = replace(found, columns=own_columns, is_last=last, is_only=only)
+            yield chosen, found
 
     def areas(self, label: NDArray[np.int64], n_labels: int) -> NDArray[np.float64]:
         """Return the area of the cells that the points of each label occupy [m²]; −1 is none."""

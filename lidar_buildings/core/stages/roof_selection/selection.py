@@ -15,6 +15,7 @@ from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.crowds import without_crowds
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection.candidates import (
+    AREA_CELL,
     COLUMNS_A_RADIUS,
     MIN_RADIUS,
     RADIUS_SPACINGS,
@@ -49,8 +50,6 @@ METHODS = {
 }
 #: What is lower than this share of `min_height` may be what a bridge goes on as.
 LOW_SHARE = 0.5
-#: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
-AREA_CELL = 2.0
 #: Heights up to which points count as ground where they have no classes [m].
 GROUND_TOLERANCE = 0.2
 #: Half of the widest object [m], the steepest terrain, rise over run, and the deepest pit [m], where heights
@@ -160,7 +159,10 @@ def select_roofs(
     roof, wall = np.zeros((2, len(chosen)), dtype=bool)
     why = np.full(len(chosen), Rejection.LOW, dtype=np.uint8)
     if config.method == "smooth_patches":
-        roof[is_raised], wall[is_raised], why[is_raised] = find_roofs(candidates, config)
+        rows_raised = np.flatnonzero(is_raised)
+        for own, part in candidates.by_spacing(spacing):
+            chosen_rows = rows_raised[own]
+            roof[chosen_rows], wall[chosen_rows], why[chosen_rows] = find_roofs(part, config)
     else:
         found = METHODS[config.method](candidates, config)
         roof[is_raised] = candidates.buildings(found, config.min_building_area)[0] >= 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, without_gaps
-from lidar_buildings.core.neighbours.point_spacing import group_spacings
+from lidar_buildings.core.neighbours.point_spacing import MAX_SPARSER, MIN_SPARSER, group_spacings
 from lidar_buildings.core.neighbours.scan_pattern import (
     MAX_RATIO,
     MIN_RATIO,
@@ -26,9 +26,6 @@ from lidar_buildings.core.surfaces.surface_patches import plan_areas
 FILLED_SHARE = 0.632
 #: A group's points are chained by at least that much: more than gaps between lines usually are [spacings].
 MIN_GROUP_REACH = 4.5
-#: Points that are sparser than expected by this factor have their own spacing: strips overlap elsewhere. Less
-#: than that may be the rim of a small group. No window reaches farther than with so much more.
-MIN_SPARSER, MAX_SPARSER = 1.35, 4.0
 #: So much more than half the window is still in it: rounding does not tear lattices.
 SLACK = 1.0 + 1e-6
 

@@ -67,6 +67,27 @@ def test_a_spire_is_roof_and_the_walls_below_are_none(slope_deg, density):
     assert not ((found.classification == BUILDING) & ~found.is_facade)[len(x) :].any()
 
 
+def sparse_roof(seen_below):
+    """Return a level surface of 16 × 12 m in rows far apart above dense ground, and which points it has."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(0.0, 16.0, 0.9), np.arange(0.0, 12.0, 0.5))
+    roof = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 6.0)])
+    ground = np.column_stack([rng.uniform(-15.0, 30.0, (2, 24_000)).T, np.zeros(24_000)])
+    is_below = ((ground[:, :2] > -0.3) & (ground[:, :2] < (16.2, 12.0))).all(axis=1)
+    ground = ground[~is_below | seen_below]
+    points = np.concatenate([roof, ground])
+    points[:, 2] += rng.normal(0.0, 0.02, len(points))
+    return points, np.arange(len(points)) < len(roof)
+
+
+@pytest.mark.parametrize("seen_below", [False, True])
+def test_a_roof_sparser_than_the_ground_is_one_unless_it_lets_ground_be_seen(seen_below):
+    points, is_roof = sparse_roof(seen_below)
+    known = {"height_above_ground": points[:, 2], "classification": np.where(is_roof, 1, 2)}
+    found = select_roofs(points, **known, point_spacing=0.3).classification == BUILDING
+    assert found[is_roof].mean() > 0.98 if not seen_below else found[is_roof].mean() < 0.5
+
+
 def tree_scene(density=12.0):
     scene = scenes.tree_over_eave(density=density)
     is_tree = ~scene.is_ground & ~scene.is_roof
