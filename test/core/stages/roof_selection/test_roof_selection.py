@@ -265,7 +265,7 @@ def provider_cloud(files):
         for name in ("classification", "return_number", "number_of_returns")
     )
     ground = points[classes == 2]
-    ground = ground[np.unique(np.floor(ground[:, :2] * 2), axis=0, return_index=True)[1]]
+    ground = ground[np.unique(np.floor(ground[:, :2]), axis=0, return_index=True)[1]]  # one a m²
     raised = np.flatnonzero(~np.isin(classes, (2, 9)))
     height = np.zeros(len(points))
     below = LinearNDInterpolator(ground[:, :2], ground[:, 2])(points[raised, :2])
