@@ -196,8 +196,10 @@ def face_rings(cells: Cells, face: IntArray, outline: Outline) -> list[tuple[Flo
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
-    """Return the cell that each point lies in, -1 for those beside the outline."""
-    return _cells_above(points, cells.vertices[cells.borders].reshape(-1, 4), cells.sides)
+    """Return the cell that each point lies in, -1 for those beside the outline; they rise by y."""
+    lines = cells.vertices[cells.borders].reshape(-1, 4)
+    order = np.argsort(lines[:, [1, 3]].min(axis=1), kind="stable")
+    return _cells_above(points, lines[order], cells.sides[order])
 
 
 #: Most columns in which edges are looked up.
@@ -206,7 +208,11 @@ _MOST_COLUMNS = 1000
 
 @kernel
 def _cells_above(points, lines, sides):  # type: ignore[no-untyped-def]
-    """Return what lies above the next edge below each point; edges lead east, the steepest counts."""
+    """
+    Return what lies above the next edge below each point; where several start, the steepest counts.
+
+    Points rise by y, and edges by that of their lower ends; they lead east.
+    """
     west, east = np.inf, -np.inf
     for e in range(len(lines)):
         west, east = min(west, lines[e, 0]), max(east, lines[e, 2])
@@ -224,15 +230,24 @@ def _cells_above(points, lines, sides):  # type: ignore[no-untyped-def]
             n += 1
     rows, first = rows_by_group(column, n_columns)
     own_lines = lines[edge[rows]]
+    # How many of a column's edges begin no higher than the point, and how high each and those before it end.
+    last, top = first[:-1].copy(), np.maximum(own_lines[:, 1], own_lines[:, 3])
+    for own in range(n_columns):
+        for k in range(first[own] + 1, first[own + 1]):
+            top[k] = max(top[k], top[k - 1])
     found = np.full(len(points), -1, np.int64)
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         if not west <= x < east:
             continue
         own, highest, steepest = min(int((x - west) / width), n_columns - 1), -np.inf, 0.0
-        for k in range(first[own], first[own + 1]):
+        while last[own] < first[own + 1] and min(own_lines[last[own], 1], own_lines[last[own], 3]) <= y:
+            last[own] += 1
+        for k in range(last[own] - 1, first[own] - 1, -1):
             ax, ay, bx, by = own_lines[k]
-            if not ax <= x < bx or min(ay, by) > y or max(ay, by) < highest:
+            if top[k] < highest:
+                break
+            if not ax <= x < bx:
                 continue
             slope = (by - ay) / (bx - ax)
             z = ay + slope * (x - ax)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -187,14 +187,15 @@ def partition_outline(
         left = np.concatenate([left, corners])
         new_cuts: list[FloatArray] = []
         heights: list[float] = []
-        for c, corner in zip(at.tolist(), corners[:, :2], strict=True):
+        for c in np.unique(at).tolist():
             polygon, over = cells.polygons[c], points[cell == c]
-            agrees = np.abs(over[:, :2] @ own[c, :2] + own[c, 2] - over[:, 2]) <= _AGREES
-            new = limits.cut_off(polygon, over[agrees, :2], corner) if agrees.any() else []
-            if not new:
-                new, levels = limits.level(polygon, over, left)
-                heights += levels
-            new_cuts += new
+            seen = over[np.abs(over[:, :2] @ own[c, :2] + own[c, 2] - over[:, 2]) <= _AGREES, :2]
+            its = corners[at == c, :2] if len(seen) else ()
+            new = [limits.cut_off(polygon, seen, corner) for corner in its]
+            if not (new and all(new)):
+                more, levels = limits.level(polygon, over, left)
+                new, heights = [*new, more], heights + levels
+            new_cuts += chain(*new)
         planes = np.concatenate([planes, *([[0.0, 0.0, z]] for z in heights)])
         alone = labels.copy()
         alone[at] = len(planes) + at

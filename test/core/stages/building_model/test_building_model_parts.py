@@ -103,6 +103,7 @@ def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
     # The second line ends inside a cell: it cuts nothing.
     cells = cut_into_cells(outline, np.array([[[-1.0, 5.0], [11.0, 5.2]], [[1.0, 2.0], [8.0, 3.0]]]))
     places = np.random.default_rng(3).uniform(-1, 11, (2000, 2))
+    places = places[np.argsort(places[:, 1])]
     found = cells_of_points(cells, places)
     points = shapely.points(places)
     for number, polygon in enumerate(polygons_of(cells)):
@@ -115,6 +116,7 @@ def test_a_place_above_a_vertex_lies_where_the_next_one_east_does():
     cells = cut_into_cells(Outline(SQUARE), extend_segments(lines, ring_walls([SQUARE])))
     inner = cells.vertices[(cells.vertices > 0.0).all(axis=1) & (cells.vertices < 10.0).all(axis=1)]
     above = np.concatenate([inner + np.array([0.0, 0.001 * k]) for k in range(1, 1000, 50)])
+    above = above[np.argsort(above[:, 1])]
     beside = above + np.array([1e-9, 0.0])
     assert np.array_equal(cells_of_points(cells, above), cells_of_points(cells, beside))
 
