@@ -16,7 +16,7 @@ from bench.common.arguments import config_of
 from bench.common.tables import table
 from bench.generalise.disturbances import disturbances
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface
@@ -98,12 +98,12 @@ def models_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Build
 
 def traced_roofs(
     points: NDArray[np.float64], config: PipelineConfig
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint16], Outline]]:
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint16], BuildingOutline]]:
     """Yield points, planes and outline of each building that `models_of` makes a model of."""
     roofs, outlines = _planes_and_outlines(points, config)
     for one in outlines:
         own = roofs.building_id == one.building_id
-        yield roofs.points[own], roofs.plane_id[own], one.outline
+        yield roofs.points[own], roofs.plane_id[own], one
 
 
 def _planes_and_outlines(

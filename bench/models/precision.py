@@ -35,9 +35,11 @@ from bench.generalise.corners import FOLDER, drawn_roofs, models_of, traced_roof
 from bench.generalise.disturbances import disturbances
 from bench.models.grade_cases import virtual_scene
 from bench.scenes.models import SHAPES
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.roof_lines import CORNER_KINDS, corner_kinds, roof_lines
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.building_model.model import LOD22
+from lidar_buildings.core.stages.building_model.precision import Sampling, outline_variances
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
@@ -155,8 +157,12 @@ class Adjusted(NamedTuple):
 
 def adjusted_roofs(name: str, points: NDArray[np.float64], true: NDArray[np.float64]) -> Iterator[Adjusted]:
     """Yield the buildings traced from a roof's points, which have true corners, shape (n, 3) [m]."""
-    for part, plane_id, outline in traced_roofs(points, PipelineConfig()):
-        topology = find_topology(part, plane_id, outline)
+    for part, plane_id, traced in traced_roofs(points, PipelineConfig()):
+        part, plane_id = part[rows := np.argsort(part[:, 1])], plane_id[rows]
+        outline, spacing = traced.outline, quantised_spacing(part)
+        bias = traced.quality.bias if traced.quality else 0.0
+        variances = outline_variances(outline, Sampling(part, spacing, bias), None)
+        topology = find_topology(part, plane_id, outline, point_spacing=spacing, wall_variances=variances)
         free = adjust(part, without_gaps(plane_id)).planes
         near = true[shapely.dwithin(outline.polygon, shapely.points(true[:, :2]), NEAR)]
         off = [

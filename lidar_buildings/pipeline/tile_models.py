@@ -15,7 +15,7 @@ from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
-from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
+from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality, ring_walls
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
@@ -75,8 +75,8 @@ def build_models(
     if config.foot == DRAPED:
         grounds = _known_grounds(buildings, ordered)
     jobs = [
-        (one.building_id, _job(part, one, config, seen.get(one.building_id), ground))
-        for one, part, ground in zip(ordered, buildings, grounds, strict=True)
+        (one.building_id, _job(part, one, config, seen.get(one.building_id), ground, walls))
+        for one, part, ground, walls in zip(ordered, buildings, grounds, _walls_beside(ordered), strict=True)
     ]
 
     def failed(k: int, reason: str) -> BuildingModel:
@@ -120,6 +120,16 @@ def _known_grounds(
                 ring = outlines[k].outline.exterior
                 found[k] = ground.within(ring.min(axis=0) - _ABOUT, ring.max(axis=0) + _ABOUT)
     return found
+
+
+def _walls_beside(outlines: Sequence[BuildingOutline]) -> list[FloatArray]:
+    """Return the walls of the buildings that touch each, shape (n, 2, 2) [m]; no tile parts their blocks."""
+    plans = np.array([one.outline.polygon for one in outlines], dtype=object)
+    pairs = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=_SHARED).T
+    beside: list[list[FloatArray]] = [[] for _ in outlines]
+    for one, other in pairs[pairs[:, 0] != pairs[:, 1]].tolist():
+        beside[one].append(ring_walls(outlines[other].outline.rings))
+    return [np.concatenate([np.empty((0, 2, 2)), *walls]) for walls in beside]
 
 
 def _points_beside(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list[FloatArray]:
@@ -179,6 +189,7 @@ def _job(
     config: BuildingModelConfig,
     seen: SeenWalls | None,
     ground: KnownGround | None,
+    beside: FloatArray,
 ) -> partial[BuildingModel]:
     points, plane_id, foot = building.points, building.plane_id, one.ground_elevation
     is_closed = _is_closed(building, one)
@@ -197,6 +208,7 @@ def _job(
         is_roof_seen=not is_closed,
         is_traced=one.ground_elevation is None,
         wall_bias=one.quality.bias if one.quality else 0.0,
+        beside=beside,
         seen=seen,
         ground=ground,
     )

@@ -99,3 +99,39 @@ def ring_walls(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         own[:, 0], own[:-1, 1], own[-1:, 1] = ring, ring[1:], ring[:1]
         first += len(ring)
     return walls
+
+
+#: Walls that turn by less than this have no common point worth taking: sine of 15°.
+LEAST_TURN = 0.2588
+#: Keeps divisions by the lengths of walls finite [m].
+_SHORTEST = 1e-3
+
+
+def across_walls(walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unit vectors to the left of walls, into the building, shape (n_walls, 2)."""
+    along = walls[:, 1] - walls[:, 0]
+    return np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), _SHORTEST)[:, None]
+
+
+def walls_before(walls: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the row of the wall that ends where each starts; rings come one after the other."""
+    before = np.roll(np.arange(len(walls)), 1)
+    first = np.flatnonzero((walls[:, 0] != walls[before, 1]).any(axis=1))
+    before[first] = np.roll(before[first], -1)
+    return before
+
+
+def corner_moves(walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return where the start of each wall goes as the wall before it, and it itself, move inwards, (n, 2, 2).
+
+    It stays where both meet; at a corner that hardly turns it goes half the way of each.
+    """
+    after = across_walls(walls)
+    both = np.stack([after[walls_before(walls)], after], axis=1)
+    sine = both[:, 0, 0] * both[:, 1, 1] - both[:, 0, 1] * both[:, 1, 0]
+    turns, moves = np.abs(sine) > LEAST_TURN, 0.5 * both
+    other = both[turns, ::-1]  # along the other wall
+    moves[turns] = np.stack([other[:, :, 1], -other[:, :, 0]], axis=2) * np.array([[1.0], [-1.0]])
+    moves[turns] /= sine[turns, None, None]
+    return moves

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -70,15 +70,23 @@ class Condition(NamedTuple):
     planes: tuple[int, ...]  #: numbers of the planes
     sigma: float  #: standard deviation that each equation has by itself, [m] or [m/m]
     #: Of a, b, c of each plane in each equation, shape (n_equations, n_planes, 3); of a point those that
-    #: follow from the planes.
+    #: follow from the planes. Behind them those of walls, the first of three.
     factors: FloatArray = np.zeros((0, 0, 3))
     xy: tuple[float, float] = (math.nan, math.nan)  #: where a common point is about the centre [m]
+    walls: tuple[int, ...] = ()  #: rows of the walls that the places of its heights hang on
+    #: By how much those of each plane move with each wall [m/m], shape (n_planes, n_walls, 2).
+    moves: FloatArray = np.zeros((0, 0, 2))
 
     def near(self, coefficients: FloatArray) -> Condition:
-        """Return the condition linearised at these planes: only a common point follows them."""
+        """Return the condition linearised at these planes: common points and shares of walls follow them."""
+        own = coefficients[np.array(self.planes) - 1]
+        if self.walls:
+            factors = self.factors[:, : len(own)]
+            of_walls = np.zeros((len(factors), len(self.walls), 3))
+            of_walls[:, :, 0] = np.einsum("ek,kx,kwx->ew", factors[:, :, 2], own[:, :2], self.moves)
+            return self._replace(factors=np.concatenate([factors, of_walls], axis=1))
         if self.kind != POINT:
             return self
-        own = coefficients[np.array(self.planes) - 1]
         x, y, _ = common_point(own)
         # An unknown position is cancelled out of its planes' equations.
         position = np.ones((len(own), 3))
@@ -106,6 +114,8 @@ class Adjustment:
     covariances: FloatArray  #: of these, shape (n_planes, 3, 3)
     held: tuple[Condition, ...] = ()
     refused: tuple[Condition, ...] = ()
+    #: By how much each wall of the outline moves inwards [m], and the variance of that, shape (n_walls, 2).
+    walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def centre(self) -> FloatArray:
@@ -137,28 +147,22 @@ class Adjustment:
         (I - K R) Σ (I - K R)ᵀ + K σ² Kᵀ.
         """
         usable = [one for one in conditions if all(self.free.roof[k - 1] for k in one.planes)]
-        usable = [one.near(self.coefficients) for one in usable if self._would_show(one)]
+        usable = [one.near(self.coefficients) for one in usable]
         if not usable or len(self.surface) > _MOST_PLANES:
             return self
-        system = _System.of(usable, self)
-        is_held = system.tested()
+        shown = _System.of(usable, self).would_show()
+        usable = [one for one, is_shown in zip(usable, shown, strict=True) if is_shown]
+        if not usable:
+            return self
+        is_held = _System.of(usable, self).tested()
         held = [one for one, kept in zip(usable, is_held, strict=True) if kept]
         refused = tuple(one for one, kept in zip(usable, is_held, strict=True) if not kept)
         found = self
-        for _ in range(_FOLLOW_ROUNDS if any(one.kind == POINT for one in held) else min(len(held), 1)):
+        follow = any(one.kind == POINT or one.walls for one in held)
+        for _ in range(_FOLLOW_ROUNDS if follow else min(len(held), 1)):
             held = [one.near(found.coefficients) for one in held]
-            coefficients, covariances = _System.of(held, self).solved()
-            found = replace(self, coefficients=coefficients, covariances=covariances)
+            found = _System.of(held, self).solved(self)
         return replace(found, held=self.held + tuple(held), refused=self.refused + refused)
-
-    def _would_show(self, condition: Condition) -> bool:
-        """Whether the points would refuse a condition on slopes or heights that does not hold."""
-        if condition.kind in _EXACT:
-            return True
-        own = self.covariances[np.array(condition.planes) - 1]
-        variance = np.einsum("eki,kij,ekj->e", condition.factors, own, condition.factors)
-        to_find = _HEIGHT_TO_FIND if condition.factors[:, :, 2].any() else _SLOPE_TO_FIND
-        return bool(variance.max() + condition.sigma**2 <= (to_find / _POWER) ** 2)
 
 
 class _System(NamedTuple):
@@ -178,10 +182,15 @@ class _System(NamedTuple):
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], adjustment: Adjustment) -> _System:
-        own, x, sigma = adjustment.first, adjustment.coefficients, adjustment.covariances
+        n, (offsets, variances) = len(adjustment.surface), adjustment.walls.T
+        own = np.append(adjustment.first, n + np.arange(len(offsets)))
+        x, sigma = np.zeros((len(own), 3)), np.zeros((len(own), 3, 3))
+        x[:n], x[n:, 0] = adjustment.coefficients, offsets
+        sigma[:n], sigma[n:, 0, 0] = adjustment.covariances, variances
         sizes = [one.factors.shape[:2] for one in conditions]
         group = np.repeat(np.arange(len(sizes)), [n for n, _ in sizes])
-        row = np.concatenate([np.tile(own[np.array(one.planes) - 1], len(one.factors)) for one in conditions])
+        rows = [own[[*(k - 1 for k in one.planes), *(n + k for k in one.walls)]] for one in conditions]
+        row = np.concatenate([np.tile(*each) for each in zip(rows, [n for n, _ in sizes], strict=True)])
         equation = np.repeat(np.arange(len(group)), np.repeat([n for _, n in sizes], [n for n, _ in sizes]))
         factor = np.concatenate([one.factors.reshape(-1, 3) for one in conditions])
         variance = np.array([one.sigma for one in conditions])[group] ** 2
@@ -189,13 +198,20 @@ class _System(NamedTuple):
         response = np.einsum("tij,tj->ti", sigma[row], factor)
         return cls(own, x, sigma, group, variance, is_exact, equation, row, factor, response)
 
+    def would_show(self) -> BoolArray:
+        """Return which conditions on slopes or heights the points would refuse if they did not hold."""
+        is_height = np.bincount(self.equation, np.abs(self.factor[:, 2])) > 0.0
+        to_find = np.where(is_height, _HEIGHT_TO_FIND, _SLOPE_TO_FIND) / _POWER
+        fails = ~self.is_exact & (np.diag(self._matrix(self.variance)) > to_find**2)
+        return np.bincount(self.group, fails) == 0.0
+
     def tested(self) -> BoolArray:
         """Return which conditions the points do not refuse."""
         matrix = self._matrix(self.variance)
         return _not_refused(inverted(matrix), self._discrepancies(), self.group, _CRITICAL)
 
-    def solved(self) -> tuple[FloatArray, FloatArray]:
-        """Return the planes under all conditions, and their covariances."""
+    def solved(self, adjustment: Adjustment) -> Adjustment:
+        """Return planes and walls under all conditions, with their covariances."""
         inverse = inverted(self._matrix(np.where(self.is_exact, 0.0, self.variance)))
         force = (inverse * self._discrepancies()).sum(axis=1)
         x, sigma = self.x.copy(), self.sigma.copy()
@@ -203,7 +219,9 @@ class _System(NamedTuple):
         order = np.argsort(self.row, kind="stable")
         terms = self.row[order], self.equation[order], self.response[order]
         _reduce(sigma, *terms, inverse, np.where(self.is_exact, self.variance, 0.0))
-        return x[self.own], sigma[self.own]
+        n, x, sigma = len(adjustment.surface), x[self.own], sigma[self.own]
+        walls = np.column_stack([x[n:, 0], sigma[n:, 0, 0]])
+        return replace(adjustment, coefficients=x[:n], covariances=sigma[:n], walls=walls)
 
     def _discrepancies(self) -> FloatArray:
         return np.asarray(np.bincount(self.equation, (self.factor * self.x[self.row]).sum(axis=1)), float)

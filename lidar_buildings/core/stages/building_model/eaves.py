@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.model.outline import LEAST_TURN, Outline, across_walls, ring_walls
 from lidar_buildings.core.solids.output_grid import GRID, on_grid, polygons_of
 from lidar_buildings.core.solids.overhangs import overhung_solid
 from lidar_buildings.core.solids.plan_graph import RoofPiece
@@ -29,8 +29,6 @@ _LEAST_SEEN, _LEAST_SHARE = 1.0, 0.3
 _LEAST_TURNED = 2.0
 #: Eaves that reach out less are none: the roof's edge is as uncertain [m].
 LEAST_OVERHANG = 0.1
-#: Lines that turn by less than this at a corner have no common point worth taking [deg].
-_LEAST_CORNER = 15.0
 #: Thickness of eaves that nothing measured [m].
 ASSUMED_THICKNESS = 0.2
 #: Range of thicknesses that are measured, and how far apart the middle half of them may lie [m].
@@ -152,7 +150,7 @@ def corrected_pieces(
     )}  # fmt: skip
     edges = ring_walls(outline.rings)
     lines = shapely.linestrings(edges)
-    across = _across(edges)
+    across = across_walls(edges)
 
     def place_of(vertex: FloatArray) -> FloatArray:
         corner = corners.get(tuple(np.rint(vertex / GRID).astype(np.int64).tolist()))
@@ -172,16 +170,10 @@ def corrected_pieces(
     return result, Outline(on_grid(new.exterior), tuple(on_grid(hole) for hole in new.holes))
 
 
-def _across(edges: FloatArray) -> FloatArray:
-    """Return the unit normals of edges to their left: into the building."""
-    along = edges[:, 1] - edges[:, 0]
-    return np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), GRID)[:, None]
-
-
 def _moved_rings(outline: Outline, shift: FloatArray, keep_count: bool = False) -> list[FloatArray]:
     """Return an outline's rings with both ends of every edge moved inwards [m], cut where edges meet."""
     edges = ring_walls(outline.rings)
-    moved = edges + shift[:, :, None] * _across(edges)[:, None]
+    moved = edges + shift[:, :, None] * across_walls(edges)[:, None]
     rings, done = [], 0
     for ring in outline.rings:
         own = moved[done : done + len(ring)]
@@ -190,7 +182,7 @@ def _moved_rings(outline: Outline, shift: FloatArray, keep_count: bool = False) 
         for (before, end), (after, beyond) in zip(np.roll(own, 1, axis=0), own, strict=True):
             u, v = end - before, beyond - after
             sine = float(u[0] * v[1] - u[1] * v[0])
-            if abs(sine) > math.sin(math.radians(_LEAST_CORNER)) * math.hypot(*u) * math.hypot(*v):
+            if abs(sine) > LEAST_TURN * math.hypot(*u) * math.hypot(*v):
                 gap = after - before
                 corners.append(before + float(gap[0] * v[1] - gap[1] * v[0]) / sine * u)
             elif keep_count or np.array_equal(end, after):

@@ -40,6 +40,7 @@ from lidar_buildings.core.stages.building_model.grading import doubts_of, eviden
 from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.precision import (
     Sampling,
+    outline_variances,
     precision_attributes,
     told_precision,
 )
@@ -185,6 +186,8 @@ _log = logging.getLogger(__name__)
 _EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
+#: What is said where walls would move onto one another.
+_NOT_MOVED = "walls stay where they were traced: the planes would move them to an outline that is not valid"
 #: What is said of a building whose roof was not seen.
 _NOT_SEEN = "the roof was not seen whole: one height, by the tops of walls and what was seen of the roof"
 
@@ -219,6 +222,7 @@ def build_model(
     is_roof_seen: bool = True,
     is_traced: bool = False,
     wall_bias: float = 0.0,
+    beside: FloatArray | None = None,
     seen: SeenWalls | None = None,
     ground: KnownGround | None = None,
 ) -> BuildingModel:
@@ -244,6 +248,7 @@ def build_model(
       it, and LoD1.2 is all that is built.
     - `is_traced`: Whether the outline was traced from the points, so that it is no better than they are.
     - `wall_bias`: By how much the roof's edge is thought to lie outside a traced outline [m].
+    - `beside`, shape (n, 2, 2), optional: Walls of buildings that touch it, next to which its own stay [m].
     - `seen`, optional: Walls seen from the street; without any there is no LoD2.3.
     - `ground`, optional: Ground about the building, on which draped models stand.
 
@@ -265,7 +270,7 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
-    known = (spacing, ground_elevation, is_traced, wall_bias, seen, attributes, config)
+    known = (spacing, ground_elevation, is_traced, wall_bias, beside, seen, attributes, config)
     model = _model(points, plane_id if is_roof_seen else None, outline, *known)
     return draped_model(model, ground) if config.foot == DRAPED else model
 
@@ -290,6 +295,7 @@ def _model(
     ground_elevation: float | None,
     is_traced: bool,
     wall_bias: float,
+    beside: FloatArray | None,
     seen: SeenWalls | None,
     attributes: dict[str, Any],
     config: BuildingModelConfig,
@@ -302,15 +308,26 @@ def _model(
         why_raised = f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
     lowest, outline = level_12(outline, ground, top)
     attributes |= {"ground_elevation": ground, "height": elevation_on_grid(top - ground)}
-    if lowest.solid is None:
+    solid = lowest.solid
+    if solid is None:
         reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
         attributes |= {"validity": list(lowest.codes)}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
     remarks = [remark, why_raised]
     if plane_id is None:
-        return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
+        return _lowest_alone(solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
-        topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+        variances = outline_variances(
+            outline, Sampling(points, spacing, wall_bias if is_traced else None), beside
+        )
+        topology = find_topology(points, plane_id, outline, point_spacing=spacing, wall_variances=variances)
+        if topology.outline is not None and not topology.outline.same_as(outline):
+            moved, its_outline = level_12(topology.outline, ground, top)
+            if moved.solid is None or moved.remark:
+                remarks.append(_NOT_MOVED)
+                topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+            else:
+                lowest, outline = replace(moved, remark=lowest.remark), its_outline
         has_extent = _has_extent(points)
         roof = _Roof(points, outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen)
         levels, faces, why = _finer_levels(roof, lowest, config)
@@ -318,7 +335,7 @@ def _model(
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): no finer level than LoD1.2", *outline.exterior[0])
         remarks = [*remarks, f"no finer level than LoD1.2: {error!r}", lowest.remark]
-        return _lowest_alone(lowest.solid, attributes, remarks)
+        return _lowest_alone(solid, attributes, remarks)
 
 
 def _finer_levels(
@@ -403,7 +420,7 @@ def _finished(
             lod: told_of_faces(solid, roof.seen.walls, levels[lod].eaves) for lod, solid in solids.items()
         }
     for lod in sorted({LOD22, LOD23} & solids.keys()):
-        sure = told_precision(solids[lod], roof.topology.planes, roof.outline, roof.sampling)
+        sure = told_precision(solids[lod], roof.topology, roof.outline, roof.sampling)
         of_street = of_faces.get(lod, ({},) * len(sure))
         of_faces[lod] = tuple(one | other for one, other in zip(sure, of_street, strict=True))
         attributes |= precision_attributes(sure)

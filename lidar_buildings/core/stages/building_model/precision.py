@@ -14,6 +14,7 @@ from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArr
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE, Solid, cross
 from lidar_buildings.core.solids.triangulation import FaceArrays, face_arrays
+from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 # Chosen on virtual roofs of seeds 1 to 4, judged on others: `bench.models.precision`.
@@ -95,6 +96,8 @@ def wall_variances(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -
     """
     Return the variances of walls across [m²]: of all of it, and of its middle besides, shape (n_walls, 2).
 
+    The bias is not in them: it is common to all walls.
+
     A wall is where rows of points end, each anywhere within a spacing: it is the surer the more rows end at
     it and the less the gaps between it and their last points differ. `walls` are seen from above with the
     building to their left, shape (n_walls, 2, 2) [m].
@@ -103,9 +106,26 @@ def wall_variances(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -
     n, gaps = _ends_of_rows(walls, points, spacing).T
     of_all = np.where(is_outer, WALL_BIAS, _STEP_BIAS) * spacing
     of_each = np.where(is_outer, _WALL_EACH, _STEP_EACH) * spacing
-    inside, gaps = np.where(is_outer, bias or 0.0, 0.0), np.where(is_outer, _GAP_SHARE * gaps, 0.0)
-    variances = np.column_stack([inside**2 + of_all**2, (of_each**2 + gaps) / n])
+    gaps = np.where(is_outer, _GAP_SHARE * gaps, 0.0)
+    variances = np.column_stack([of_all**2, (of_each**2 + gaps) / n])
     variances[is_outer & (bias is None)] = _GIVEN**2, 0.0
+    return variances
+
+
+def outline_variances(outline: Outline, sampling: Sampling, beside: FloatArray | None) -> FloatArray | None:
+    """
+    Return the variances of an outline's walls across but for what is common to all, shape (n_walls,) [m²].
+
+    Walls nearer than a spacing to those of other buildings, `beside`, stay: they have none. None if the
+    outline was not traced but given.
+    """
+    if sampling.wall_bias is None:
+        return None
+    walls = ring_walls(outline.rings)
+    variances = wall_variances(walls, np.ones(len(walls), np.bool_), sampling).sum(axis=1)
+    if beside is not None and len(beside):
+        others = shapely.multilinestrings(beside)
+        variances[shapely.dwithin(shapely.linestrings(walls), others, sampling.spacing)] = 0.0
     return variances
 
 
@@ -131,7 +151,7 @@ def _ends_of_rows(walls, points, spacing):  # type: ignore[no-untyped-def]
 
 
 def told_precision(
-    solid: Solid, planes: Sequence[RoofPlane], outline: Outline, sampling: Sampling
+    solid: Solid, topology: RoofTopology, outline: Outline, sampling: Sampling
 ) -> tuple[dict[str, Any], ...]:
     """
     Return for each face of a solid how sure it is, standard deviations [m].
@@ -146,7 +166,7 @@ def told_precision(
     kinds = np.array(solid.semantics)
     is_roof, is_wall = (kinds == ROOF_SURFACE)[own], (kinds == WALL_SURFACE)[own]
     corners, normals = solid.vertices[faces.corners], _area_vectors(faces)
-    roof_sigmas = _plane_sigmas(corners[is_roof], own[is_roof], planes)
+    roof_sigmas = _plane_sigmas(corners[is_roof], own[is_roof], topology.planes)
     walls = np.flatnonzero(kinds == WALL_SURFACE)
     across = normals[walls, :2] / np.maximum(np.hypot(*normals[walls, :2].T), _LEAST)[:, None]
     of_wall = np.searchsorted(walls, own[is_wall])
@@ -158,7 +178,11 @@ def told_precision(
     # A line through points is less sure the farther from their middle.
     aside = ((corners[is_wall, :2] - lines.mean(axis=1)[of_wall]) ** 2).sum(axis=1)
     aside /= np.maximum(((lines[:, 1] - lines[:, 0]) ** 2).sum(axis=1), _LEAST)[of_wall]
-    of_all, of_middle = wall_variances(lines, is_outer, sampling)[of_wall].T
+    variances = wall_variances(lines, is_outer, sampling)
+    if topology.wall_shares is not None and len(topology.wall_shares) == len(edges):
+        variances[is_outer] *= topology.wall_shares[nearest[is_outer], None]
+    variances[is_outer, 0] += (sampling.wall_bias or 0.0) ** 2
+    of_all, of_middle = variances[of_wall].T
     upward = normals / np.maximum(normals[:, 2:], _LEAST)
     upward[walls, :2], upward[walls, 2] = across, 0.0
     sigmas = np.zeros(len(own))

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.outline import across_walls, corner_moves, walls_before
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.directions import main_directions, wall_directions
 from lidar_buildings.core.stages.roof_topology.intersections import Pieces, piece_ends
@@ -28,8 +29,8 @@ from lidar_buildings.core.surfaces.plane_adjustment import (
 #: How exactly roofs are built: a common point [m], where a hip meets the outline, in plan [m], directions of
 #: eaves [rad], slopes [m/m].
 _POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.03, 0.01, 0.01
-#: Eaves are at one height to this [m], seen at walls that are off by so many spacings.
-_EAVES_SIGMA, _WALL_SIGMA = 0.03, 0.12
+#: Eaves are at one height to this [m].
+_EAVES_SIGMA = 0.03
 #: Dormers have no more than this share of the points of the plane that they stand on, and are in a row if
 #: none is farther up than so many spacings.
 _DORMER_SHARE, _IN_ROW = 0.33, 2.0
@@ -62,10 +63,12 @@ def find_conditions(
         ends = piece_ends(pieces, planes)
         found += _common_points(pieces, ends, planes, spacing)
         if len(walls):
-            found += _corners(pieces, ends, walls[:, 0], planes, spacing)
+            found += _corners(pieces, ends, walls, planes, spacing)
         found += _equal_slopes(pieces, adjustment)
-        met = {one.planes for one in found if one.kind == CORNER}
-        found += [one for one in _equal_eaves(pieces, adjustment, walls, spacing) if one.planes not in met]
+        if len(walls):
+            met = {one.planes for one in found if one.kind == CORNER}
+            eaves = _equal_eaves(pieces, adjustment, walls, spacing)
+            found += [one for one in eaves if one.planes not in met]
         found += _alike(pieces, adjustment, spacing)
     return found + list(_strikes(adjustment, walls))
 
@@ -84,13 +87,15 @@ def _equal_eaves(
     pieces: Pieces, adjustment: Adjustment, walls: FloatArray, spacing: float
 ) -> Iterator[Condition]:
     """Planes that meet may be as high where they end at walls that they fall across."""
-    places = _eaves(adjustment, walls, spacing)
-    steepness = np.hypot(*adjustment.coefficients[:, :2].T)
+    places, wall = _eaves(adjustment, walls, spacing)
+    unit, across = _units(adjustment.coefficients), across_walls(walls)
     for i, j in sorted(set(zip(pieces.first.tolist(), pieces.second.tolist(), strict=True))):
         if np.isfinite(places[[i - 1, j - 1]]).all():
-            off = _WALL_SIGMA * spacing * math.hypot(steepness[i - 1], steepness[j - 1])
+            own, moves = wall[[i - 1, j - 1]], np.zeros((2, 2, 2))
+            for n, k in enumerate((i - 1, j - 1)):
+                moves[n, n] = unit[k] / (unit[k] @ across[own[n]])
             difference = _height_difference(places[i - 1], places[j - 1])
-            yield Condition(EAVES, (i, j), math.hypot(_EAVES_SIGMA, off), difference)
+            yield Condition(EAVES, (i, j), _EAVES_SIGMA, difference, walls=tuple(own.tolist()), moves=moves)
 
 
 def _height_difference(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -98,8 +103,8 @@ def _height_difference(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.array([[[*first, 1.0], [*-second, -1.0]]])
 
 
-def _eaves(adjustment: Adjustment, walls: FloatArray, spacing: float) -> FloatArray:
-    """Return where planes end at walls that they fall across, NaN if nowhere, shape (n_planes, 2)."""
+def _eaves(adjustment: Adjustment, walls: FloatArray, spacing: float) -> tuple[FloatArray, IntArray]:
+    """Return where planes end at walls that they fall across, NaN if nowhere, (n_planes, 2), and which."""
     unit, middle = _units(adjustment.coefficients), adjustment.free.mean[:, :2]
     variance = np.einsum("ki,kij,kj->k", unit, adjustment.free.scatter[:, :2, :2], unit)
     reach = _DEPTH * np.sqrt(variance / adjustment.free.counts) + _BEFORE_WALL * spacing
@@ -110,8 +115,9 @@ def _eaves(adjustment: Adjustment, walls: FloatArray, spacing: float) -> FloatAr
     safe = np.where(is_eaves, across, 1.0)
     away, along = (from_x * y - from_y * x) / safe, (from_x * v - from_y * u) / safe
     is_eaves &= (away > 0.0) & (away < reach[:, None]) & (along > 0.0) & (along < 1.0)
-    nearest = np.where(is_eaves, away, np.inf).min(axis=1, initial=np.inf)
-    return middle - unit * np.where(np.isfinite(nearest), nearest, np.nan)[:, None]
+    away = np.where(is_eaves, away, np.inf)
+    nearest = away.min(axis=1)
+    return middle - unit * np.where(np.isfinite(nearest), nearest, np.nan)[:, None], away.argmin(axis=1)
 
 
 def _alike(pieces: Pieces, adjustment: Adjustment, spacing: float) -> Iterator[Condition]:
@@ -167,9 +173,10 @@ def _units(coefficients: FloatArray) -> FloatArray:
 
 
 def _corners(
-    pieces: Pieces, ends: FloatArray, corners: FloatArray, planes: FloatArray, spacing: float
+    pieces: Pieces, ends: FloatArray, walls: FloatArray, planes: FloatArray, spacing: float
 ) -> Iterator[Condition]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
+    corners, before, moves = walls[:, 0], walls_before(walls), corner_moves(walls)
     (x, y), (u, v) = (ends[:, 1] - ends[:, 0]).T, np.moveaxis(corners - ends[:, :, None], -1, 0)
     beside = np.abs(u * y[:, None, None] - v * x[:, None, None])
     is_passed = beside <= _BESIDE_CORNER * spacing * np.maximum(np.hypot(x, y), 1e-12)[:, None, None]
@@ -179,7 +186,10 @@ def _corners(
     for i, j, at in dict.fromkeys((i, j, at) for i, j, rows in pairs for at in rows if at >= 0):
         position = np.append(corners[at], 1.0)
         bend = float(np.hypot(*(planes[i - 1, :2] - planes[j - 1, :2])))
-        yield Condition(CORNER, (i, j), _HIP_SIGMA * bend, np.array([[position, -position]]))
+        factors, own = np.array([[position, -position]]), (int(before[at]), at)
+        yield Condition(
+            CORNER, (i, j), _HIP_SIGMA * bend, factors, walls=own, moves=np.stack([moves[at]] * 2)
+        )
 
 
 def _common_points(

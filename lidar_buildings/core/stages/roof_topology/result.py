@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.surfaces.plane_adjustment import Condition
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
@@ -49,6 +50,10 @@ class RoofTopology:
     roof_type: str  #: see `lidar_buildings.core.stages.roof_topology.roof_type`
     held: tuple[Condition, ...] = ()  #: what the planes have in common
     refused: tuple[Condition, ...] = ()  #: what they might have, but that the points refuse
+    #: Its walls where planes and points together say; None if nothing was adjusted.
+    outline: Outline | None = None
+    #: Share of the variance of each wall across that is left, shape (n_walls,); None likewise.
+    wall_shares: FloatArray | None = None
 
     @property
     def told_conditions(self) -> str:
