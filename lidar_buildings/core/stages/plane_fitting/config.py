@@ -63,11 +63,12 @@ class PlaneFittingConfig(StageConfig):
     )
     outlier_share: float = advanced(
         0.4,
-        "With ransac: expected share of points that lie on other surfaces; raising it draws more samples.",
+        "Expected share of points that lie on other surfaces: of those near a roof point (connected), or of "
+        "all (ransac); raising it draws more samples.",
         within=(0.0, 0.95),
     )
     random_state: int = advanced(
-        0, "Seed of the random samples and seeds; another value draws others.", within=(0, None)
+        0, "Seed of the random samples; another value draws others.", within=(0, None)
     )
 
     def __post_init__(self) -> None:

@@ -51,12 +51,12 @@ def fit_roof_planes(
     """
     Find the roof planes of one building.
 
-    Planes grow from random points as connected sets of points whose surroundings lie along them; then they
-    compete: points move to the plane that they are nearest to, and planes join or dissolve wherever the
-    points are described as well without them (an energy of fit, smoothness and number of planes as of Isack
-    and Boykov 2012). With the method ``"ransac"``, planes are taken out of all points one after the other
-    (Mancera-Taboada et al. 2012); with ``"fuzzy_k_means"`` they are clusters of normals (Sampath & Shan
-    2010); with ``"open3d"`` that library's RANSAC finds them.
+    Planes are found by samples of near points (RANSAC, Fischler and Bolles 1981) as connected sets of points
+    whose surroundings lie along them; then they compete: points move to the plane that they are nearest to,
+    and planes join or dissolve wherever the points are described as well without them (an energy of fit,
+    smoothness and number of planes as of Isack and Boykov 2012). With the method ``"ransac"``, planes are
+    taken out of all points one after the other (Mancera-Taboada et al. 2012); with ``"fuzzy_k_means"`` they
+    are clusters of normals (Sampath & Shan 2010); with ``"open3d"`` that library's RANSAC finds them.
 
     - `points`, shape (n_points, 3): The building's roof points, in any order [m].
     - `point_spacing`, optional: Spacing of the cloud that the points are of [m]; measured on the points if

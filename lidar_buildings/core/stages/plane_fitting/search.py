@@ -1,4 +1,4 @@
-"""Hypotheses of planes drawn from seeds, grown, and compared by their consensus sets."""
+"""RANSAC among near points: hypotheses drawn from seeds, grown, and compared by their consensus sets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
-from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane
+from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: Probability that the samples hold one free of gross errors (Mancera-Taboada et al. 2012, section II.D).
@@ -67,19 +67,46 @@ def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
 
 
 @kernel
-def propose(cloud, limits, labels, seed, plane):  # type: ignore[no-untyped-def]
-    """Write the plane through a seed along its surroundings, fitted to its free neighbours, to `plane`."""
-    x, y, z = cloud.points[seed, 0], cloud.points[seed, 1], cloud.points[seed, 2]
-    a, b, c = cloud.normals[seed, 0], cloud.normals[seed, 1], cloud.normals[seed, 2]
-    plane[0], plane[1], plane[2], plane[3] = a, b, c, -(a * x + b * y + c * z)
-    moments = np.zeros(N_MOMENTS)
-    add_point(moments, 0.0, 0.0, 0.0)
+def propose(cloud, limits, labels, seed, samples, plane):  # type: ignore[no-untyped-def]
+    """
+    Write the best plane around a seed to `plane`; False if there is none through the seed.
+
+    The seed is the first point of every sample, the others are among its free neighbours (a sample of near
+    points is far likelier to lie on one plane). The sample with the best consensus among them wins, and is
+    replaced by the least-squares plane of its inliers.
+    """
+    near = np.empty(cloud.neighbours.shape[1], np.int64)
+    n = 0
     for j in cloud.neighbours[seed]:
         if j < 0:
             break
-        if labels[j] == 0 and distance_of(plane, cloud.points, j) <= limits.distance:
+        if labels[j] == 0:
+            near[n] = j
+            n += 1
+    best = 0.0
+    trial = np.empty(4)
+    for s in range(len(samples)):
+        q, r = near[int(samples[s, 0] * n)], near[int(samples[s, 1] * n)]
+        if n < 3 or q == r or not plane_through(cloud.points[seed], cloud.points[q], cloud.points[r], trial):
+            continue
+        support = 0.0
+        for k in range(n):
+            off = distance_of(trial, cloud.points, near[k]) / limits.distance
+            support += max(0.0, 1.0 - off * off)
+        if support > best:
+            best = support
+            for k in range(4):
+                plane[k] = trial[k]
+    if best == 0.0:
+        return False
+    x, y, z = cloud.points[seed, 0], cloud.points[seed, 1], cloud.points[seed, 2]
+    moments = np.zeros(N_MOMENTS)
+    add_point(moments, 0.0, 0.0, 0.0)
+    for j in near[:n]:
+        if distance_of(plane, cloud.points, j) <= limits.distance:
             add_point(moments, cloud.points[j, 0] - x, cloud.points[j, 1] - y, cloud.points[j, 2] - z)
     refit(moments, cloud.points[seed], plane)
+    return True
 
 
 @inner_kernel
@@ -148,14 +175,15 @@ class Pool(NamedTuple):
 
 
 @kernel
-def extract(cloud: Cloud, limits: Limits, order: IntArray) -> NDArray[np.int32]:
+def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) -> NDArray[np.int32]:
     """
     Take planes out of the cloud one after the other until none is left with enough points; number 0 = none.
 
     In each round every free point is a seed, in the given random order, unless a known hypothesis holds it. A
     hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any plane as
     large. Hypotheses are kept for later planes; since points only ever leave, a score can only fall, so the
-    one with the highest score after a recount is the best of all.
+    one with the highest score after a recount is the best of all. `samples`, shape (n_sets, n_samples, 2),
+    are random numbers in [0, 1) that choose each seed's.
     """
     n = len(order)
     labels = np.zeros(n, np.int32)
@@ -181,7 +209,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray) -> NDArray[np.int32]:
         scratch.drawn[:] = False
         scratch.counter[2] = 0
         while True:
-            draw_seeds(cloud, limits, labels, order, pool, scratch)
+            draw_seeds(cloud, limits, labels, order, samples, pool, scratch)
             best = best_of(pool)
             known = pool.score[best]
             if known <= 0.0:
@@ -214,7 +242,7 @@ def best_of(pool: Pool) -> int:
 
 
 @kernel
-def draw_seeds(cloud, limits, labels, order, pool, scratch):  # type: ignore[no-untyped-def]
+def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Draw seeds until the best hypothesis is likely the largest of all."""
     best = best_of(pool)
     while pool.size[1] < len(order):
@@ -231,17 +259,18 @@ def draw_seeds(cloud, limits, labels, order, pool, scratch):  # type: ignore[no-
         if scratch.tried[seed] or (pool.holder[seed] >= 0 and pool.score[pool.holder[seed]] > 0.0):
             continue
         scratch.tried[seed] = True
-        added = add_hypothesis(cloud, limits, labels, seed, pool, scratch)
+        added = add_hypothesis(cloud, limits, labels, seed, samples[seed % len(samples)], pool, scratch)
         if added >= 0 and pool.score[added] > pool.score[best]:
             best = added
 
 
 @kernel
-def add_hypothesis(cloud, limits, labels, seed, pool, scratch):  # type: ignore[no-untyped-def]
+def add_hypothesis(cloud, limits, labels, seed, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not."""
     at = pool.size[0]
     plane = pool.plane[at]
-    propose(cloud, limits, labels, seed, plane)
+    if not propose(cloud, limits, labels, seed, samples, plane):
+        return -1
     # It finds its way across the roof; then the points of where it came to lie are collected.
     grow(cloud, limits, labels, seed, plane, cloud.neighbours.shape[1], scratch)
     count, score = grow(cloud, limits, labels, seed, plane, np.int64(0), scratch)
