@@ -31,8 +31,6 @@ from lidar_buildings.core.solids.planar_subdivision import (
 _SLACK = 1e-6
 #: Segments go on so far behind what they pass: walls and segments that near are at one place [m].
 _PAST = 0.01
-#: So near behind what they pass segments are extended to a wall [m]: the shortest walls are as long.
-_NEAR_WALL = 1.0
 
 
 def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -> FloatArray:
@@ -41,8 +39,7 @@ def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -
 
     Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps,
     the first `n_steps`, lie a little beside one another, each has to run on beside the other to be the one
-    that is chosen. To a wall just behind what they pass all are extended: where planes meet in a point near
-    the eave, nothing else would part them beyond it.
+    that is chosen.
     """
     extended = np.empty((len(segments), 4))
     _extend(np.concatenate([segments, walls]).reshape(-1, 4), n_steps, extended)
@@ -61,11 +58,10 @@ def _extend(obstacles, n_steps, extended):  # type: ignore[no-untyped-def]
                 dx, dy = dx / length, dy / length
                 reach, is_wall = _reach(x, y, dx, dy, i, len(extended), obstacles)
                 x, y = x + reach * dx, y + reach * dy
-                if not is_wall:
-                    fx, fy = x + _PAST * dx, y + _PAST * dy
-                    reach, is_wall = _reach(fx, fy, dx, dy, i, len(extended), obstacles)
-                    if i < n_steps or (is_wall and reach < _NEAR_WALL):
-                        x, y = fx + reach * dx, fy + reach * dy
+                if i < n_steps and not is_wall:
+                    x, y = x + _PAST * dx, y + _PAST * dy
+                    reach, _ = _reach(x, y, dx, dy, i, len(extended), obstacles)
+                    x, y = x + reach * dx, y + reach * dy
             extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 

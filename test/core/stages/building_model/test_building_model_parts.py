@@ -90,14 +90,6 @@ def test_a_step_runs_past_the_next_segment_but_not_past_a_wall():
     assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
 
 
-def test_segments_that_meet_in_a_point_run_on_to_a_wall_just_behind_it():
-    meeting = np.array([[[5.0, 5.0], [8.0, 9.4]], [[8.0, 2.0], [8.0, 9.4]], [[5.0, 2.0], [5.0, 5.0]]])
-    extended = extend_segments(meeting, ring_walls([SQUARE]))
-    assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
-    assert extended[0, 1, 1] == pytest.approx(10.0)
-    assert extended[2, 1] == pytest.approx((5.0, 5.0))  # the wall is 5 m behind
-
-
 def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
     outline = Outline(SQUARE, (COURT,))
     # The second line ends inside a cell: it cuts nothing.
