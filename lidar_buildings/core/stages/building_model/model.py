@@ -186,8 +186,8 @@ _log = logging.getLogger(__name__)
 _EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
-#: What is said where walls would move onto one another.
-_NOT_MOVED = "walls stay where they were traced: the planes would move them to an outline that is not valid"
+#: What is said where moved walls would not be valid, or their roof could not be divided.
+_NOT_MOVED = "walls stay where they were traced: where the planes would move them they allow no LoD2.2"
 #: What is said of a building whose roof was not seen.
 _NOT_SEEN = "the roof was not seen whole: one height, by the tops of walls and what was seen of the roof"
 
@@ -317,21 +317,27 @@ def _model(
     if plane_id is None:
         return _lowest_alone(solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
+        has_extent = _has_extent(points)
         variances = outline_variances(
             outline, Sampling(points, spacing, wall_bias if is_traced else None), beside
         )
-        topology = find_topology(points, plane_id, outline, point_spacing=spacing, wall_variances=variances)
-        if topology.outline is not None and not topology.outline.same_as(outline):
-            moved, its_outline = level_12(topology.outline, ground, top)
-            if moved.solid is None or moved.remark:
-                remarks.append(_NOT_MOVED)
-                topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-            else:
-                lowest, outline = replace(moved, remark=lowest.remark), its_outline
-        has_extent = _has_extent(points)
-        roof = _Roof(points, outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen)
-        levels, faces, why = _finer_levels(roof, lowest, config)
-        return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
+        for own in (variances, None):
+            topology = find_topology(points, plane_id, outline, point_spacing=spacing, wall_variances=own)
+            stands, its_outline = lowest, outline
+            if is_moved := topology.outline is not None and not topology.outline.same_as(outline):
+                stands, its_outline = level_12(topology.outline, ground, top)
+                if stands.solid is None or stands.remark:
+                    continue
+            roof = _Roof(
+                points, its_outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen
+            )
+            levels, faces, why = _finer_levels(roof, stands, config)
+            if not is_moved or LOD22 not in levels or levels[LOD22].solid is not None:
+                break
+        if variances is not None and own is None:
+            remarks.append(_NOT_MOVED)
+        levels = {LOD12: replace(stands, remark=lowest.remark)} | levels
+        return _finished(roof, levels, faces, attributes, [*remarks, why])
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): no finer level than LoD1.2", *outline.exterior[0])
         remarks = [*remarks, f"no finer level than LoD1.2: {error!r}", lowest.remark]
