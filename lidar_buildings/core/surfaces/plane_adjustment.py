@@ -174,6 +174,7 @@ class _System(NamedTuple):
     group: IntArray  #: condition of each equation, shape (n_equations,)
     variance: FloatArray  #: of each equation by itself, shape (n_equations,)
     is_exact: BoolArray  #: shape (n_equations,)
+    is_point: BoolArray  #: shape (n_equations,)
     #: Of each term: equation, row of the unknown, its factors (n_terms, 3), and Σ times these.
     equation: IntArray
     row: IntArray
@@ -195,14 +196,15 @@ class _System(NamedTuple):
         factor = np.concatenate([one.factors.reshape(-1, 3) for one in conditions])
         variance = np.array([one.sigma for one in conditions])[group] ** 2
         is_exact = np.array([one.kind in _EXACT for one in conditions])[group]
+        is_point = np.array([one.kind == POINT for one in conditions])[group]
         response = np.einsum("tij,tj->ti", sigma[row], factor)
-        return cls(own, x, sigma, group, variance, is_exact, equation, row, factor, response)
+        return cls(own, x, sigma, group, variance, is_exact, is_point, equation, row, factor, response)
 
     def would_show(self) -> BoolArray:
-        """Return which conditions on slopes or heights the points would refuse if they did not hold."""
+        """Return which conditions the points would refuse if they did not hold; all on common points."""
         is_height = np.bincount(self.equation, np.abs(self.factor[:, 2])) > 0.0
         to_find = np.where(is_height, _HEIGHT_TO_FIND, _SLOPE_TO_FIND) / _POWER
-        fails = ~self.is_exact & (np.diag(self._matrix(self.variance)) > to_find**2)
+        fails = ~self.is_point & (np.diag(self._matrix(self.variance)) > to_find**2)
         return np.bincount(self.group, fails) == 0.0
 
     def tested(self) -> BoolArray:
