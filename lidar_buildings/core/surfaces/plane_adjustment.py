@@ -27,8 +27,9 @@ _SIGNIFICANCE = 0.001
 _CRITICAL = chdtri(np.arange(101), _SIGNIFICANCE)
 #: What a test would have to find four times of five, in units of the standard deviation (Baarda 1968): where
 _POWER = 4.13
-#: slopes that differ by this [m/m], or heights by this [m], would not be found, it is not said they do not.
-_SLOPE_TO_FIND, _HEIGHT_TO_FIND = 0.25, 0.5
+#: slopes that differ by this [m/m], heights by this [m], or corners by so many of their own σ (1 m in plan),
+#: would not be found, it is not said they do not.
+_SLOPE_TO_FIND, _HEIGHT_TO_FIND, _CORNER_TO_FIND = 0.25, 0.5, 33.0
 #: Roofs are built level to this [m/m], and level ones at one height to this [m].
 _LEVEL_SIGMA, _HEIGHT_SIGMA = 0.001, 0.01
 
@@ -203,7 +204,8 @@ class _System(NamedTuple):
     def would_show(self) -> BoolArray:
         """Return which conditions the points would refuse if they did not hold; all on common points."""
         is_height = np.bincount(self.equation, np.abs(self.factor[:, 2])) > 0.0
-        to_find = np.where(is_height, _HEIGHT_TO_FIND, _SLOPE_TO_FIND) / _POWER
+        to_find = np.where(is_height, _HEIGHT_TO_FIND, _SLOPE_TO_FIND)
+        to_find = np.where(self.is_exact, _CORNER_TO_FIND * np.sqrt(self.variance), to_find) / _POWER
         fails = ~self.is_point & (np.diag(self._matrix(self.variance)) > to_find**2)
         return np.bincount(self.group, fails) == 0.0
 
