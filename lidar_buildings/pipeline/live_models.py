@@ -24,7 +24,6 @@ from lidar_buildings.core.stages.building_model.precision import (
     DECIMALS,
     NO_PLANE,
     TURN,
-    WALL_BIAS,
     Conditions,
     corner_covariances,
     precision_attributes,
@@ -47,6 +46,8 @@ _MEET, _AT_A_POINT = 0.01, 3
 #: A quarter of the rows of points end this much before a wall, as a share of their mean gap, which has an
 #: exponential distribution (−ln ¾); the standard deviation of that, times the root of their number.
 _QUARTER, _GAP, _GAP_SIGMA = 0.25, 0.2877, 0.5774
+#: What all of a wall is off by, however many of its rows are seen [spacings].
+_WALL_BIAS = 0.055
 #: Points so near to a wall tell of it [spacings], unless it lies elsewhere by more standard deviations.
 _REACH, _SIGNIFICANT = 2.0, 3.0
 #: Keeps what nothing fixes where it was [1/m²].
@@ -228,7 +229,7 @@ class LiveRoof:
             if before > 0.0 and move**2 < _SIGNIFICANT**2 * (before + now):
                 moves[own] = move * before / (before + now)
                 chance = before * now / (before + now)
-                variances[own] = bias**2 + (WALL_BIAS * self._spacing) ** 2 + chance
+                variances[own] = bias**2 + (_WALL_BIAS * self._spacing) ** 2 + chance
         return moves, variances
 
 

@@ -32,7 +32,7 @@ def test_a_result_is_that_of_the_files(result):
     corners = np.array(city["vertices"])[sorted(used)] * scale + move
     x, y = corners[:, :2].T
     # Models stand on walls that planes may have moved by centimetres.
-    assert [x.min(), y.min(), x.max(), y.max()] == pytest.approx(row["geometry"].bounds, abs=0.05)
+    assert [x.min(), y.min(), x.max(), y.max()] == pytest.approx(row["geometry"].bounds, abs=0.02)
     assert repr(result) == f"<Reconstruction of 1 building in {result.folder}>"
 
 

@@ -53,11 +53,8 @@ def test_strips_in_portions_and_any_order_are_the_same_sums_as_all_points_at_onc
     assert left.attributes == right.attributes
 
 
-# Hips bind the walls of a roof together from the first strip on: their σ falls by less.
-@pytest.mark.parametrize(
-    ("name", "left"), [("gable", 0.75), ("hip", 0.85), ("shed", 0.75), ("l_shape", 0.75)]
-)
-def test_errors_and_standard_deviations_fall_with_each_strip(name, left):
+@pytest.mark.parametrize("name", ["gable", "hip", "shed", "l_shape"])
+def test_errors_and_standard_deviations_fall_with_each_strip(name):
     roof, errors, sigmas = first_roof(name, move=0.15), [], []
     true = strip(0, name).wireframe.corners
     for seed in (1, 2, 3, 4):
@@ -69,7 +66,7 @@ def test_errors_and_standard_deviations_fall_with_each_strip(name, left):
         assert check_solid(solved.model.solids["2.2"]) == ()
         roof.add(strip(seed, name).points)
     assert errors[-1] < 0.5 * errors[0]
-    assert sigmas[-1] < left * sigmas[0]
+    assert sigmas[-1] < 0.75 * sigmas[0]
 
 
 def test_what_lies_on_no_plane_of_the_roof_is_not_added():

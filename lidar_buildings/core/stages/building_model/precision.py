@@ -17,13 +17,13 @@ from lidar_buildings.core.solids.triangulation import FaceArrays, face_arrays
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
-# Chosen on virtual roofs of seeds 1 to 4, judged on others: `bench.models.precision`.
+# Chosen on virtual roofs of seeds 1 to 8, judged on others: `bench.models.precision`.
 #: A traced wall: what all of it is off by, and each of the rows of points that end at it [spacings].
-WALL_BIAS, _WALL_EACH = 0.023, 0.31
-#: The outermost tenth of the rows end so far inside of the roof's edge [spacings].
-_OUTERMOST, _SHORT = 0.1, 0.094
+_WALL_BIAS, _WALL_EACH = 0.023, 0.31
 #: A wall between roofs, likewise.
 _STEP_BIAS, _STEP_EACH = 0.036, 0.31
+#: This share of the rows, the outermost ones, ends so far inside of a roof's edge [spacings].
+_OUTERMOST, _SHORT = 0.1, 0.094
 #: By how much the variance of a wall's middle grows towards the square of the distance from it [lengths].
 _LEVER = 3.0
 #: Points within so many spacings of a wall tell where it is.
@@ -96,15 +96,14 @@ def wall_variances(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -
     """
     Return the variances of walls across [m²]: of all of it, and of its middle besides, shape (n_walls, 2).
 
-    The bias is not in them: it is common to all walls.
-
     A wall is where rows of points end, each anywhere within a spacing: it is the surer the more rows end at
-    it and the less the gaps between it and their last points differ. `walls` are seen from above with the
-    building to their left, shape (n_walls, 2, 2) [m].
+    it, and the less their outermost tenth ends elsewhere than at a wall there. The bias is not in them: it
+    is common to all walls. `walls` are seen from above with the building to their left, shape
+    (n_walls, 2, 2) [m].
     """
     points, spacing, bias = sampling
     n, outermost = _ends_of_rows(walls, points, spacing).T
-    of_all = np.where(is_outer, WALL_BIAS, _STEP_BIAS) * spacing
+    of_all = np.where(is_outer, _WALL_BIAS, _STEP_BIAS) * spacing
     of_each = np.where(is_outer, _WALL_EACH, _STEP_EACH) * spacing
     off = np.where(is_outer, outermost + (bias or 0.0) - _SHORT * spacing, 0.0)
     variances = np.column_stack([of_all**2 + off**2, of_each**2 / n])
